@@ -155,7 +155,7 @@ def _light_to_dark(
     strokes: Strokes, canvas: Light, scene: Scene, *, multiple: float, seed: int, execution_noise: ExecutionNoise
 ) -> tuple[Strokes, FloatArray]:
     """A baseline's plan in 12 paints, and these, sRGB [K, 3]."""
-    paints = choose_paints(strokes, OURS.palette, seed)
+    paints = choose_paints(strokes, scene, OURS.palette, seed)
     strokes, paints = in_order(paints.dipped(strokes), paints, scene, replace(OURS, sweeps=1))
     plain_adam(
         strokes, canvas, scene, multiple=multiple, free_color=False, log=Clock(0), execution_noise=execution_noise

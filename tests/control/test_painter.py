@@ -111,8 +111,8 @@ def test_replan_rest_adapts_to_a_changed_canvas() -> None:
     def ends(left: object) -> float:
         return objective(as_linear(np.rint(255 * np.clip(predict(left, half, scene()), 0, 1)).astype(np.uint8)))[0]
 
-    moved = strokes.pick(slice(None))
-    replan_rest(moved, half, scene(), replace(INK, iterations_replan=20, replan_rate=0.5))
+    harder = replace(INK, iterations_replan=20, replan_rate=0.5)
+    moved = replan_rest(strokes, half, scene(), harder, palette_srgb=INK_SRGB)
     assert ends(moved) < ends(strokes)
     assert moved.inherited is None
 
@@ -132,6 +132,7 @@ CONTEXT = paint_context()
 PAPER = np.full((60, 60, 3), 238, np.uint8)
 GOAL = cross(PAPER)
 START = Start(fresh_memory((SIDE_M, SIDE_M), 0.002), 0.0, 0)
+INK_SRGB = np.zeros((1, 3))
 
 
 def _error(picture: np.ndarray) -> float:
@@ -156,15 +157,18 @@ def test_replanned_reduces_the_objective_on_a_displaced_canvas(planned: Strokes)
     first.middle_m += np.float32(0.003)  # displaced by the robot
     canvas = as_picture(predict_canvas(CONTEXT, first, PAPER, START))
     before = rest.middle_m.copy()
-    again = replanned(CONTEXT, rest, canvas, goal=GOAL, start=START)
+    again = replanned(CONTEXT, rest, canvas, goal=GOAL, start=START, palette_srgb=INK_SRGB)
     assert np.array_equal(rest.middle_m, before)  # the arguments are unchanged
     errors = [_error(as_picture(predict_canvas(CONTEXT, strokes, canvas, START))) for strokes in (rest, again)]
     assert errors[1] < errors[0]
 
 
 def test_replanned_and_pruned_removes_strokes_that_a_person_made_redundant(planned: Strokes) -> None:
-    assert len(replanned_and_pruned(CONTEXT, planned, GOAL, goal=GOAL, start=START)) == 0
-    assert len(replanned_and_pruned(CONTEXT, planned, PAPER, goal=GOAL, start=START)) >= len(planned) - 2
+    assert len(replanned_and_pruned(CONTEXT, planned, GOAL, goal=GOAL, start=START, palette_srgb=INK_SRGB)) == 0
+    assert (
+        len(replanned_and_pruned(CONTEXT, planned, PAPER, goal=GOAL, start=START, palette_srgb=INK_SRGB))
+        >= len(planned) - 2
+    )
 
 
 def test_add_persons_paint_marks_changed_cells_and_time() -> None:

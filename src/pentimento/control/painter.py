@@ -22,7 +22,7 @@ from pentimento.planning.strokes.brush import Brush
 from pentimento.planning.strokes.config import Log, PlannerConfig, TextConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.memory import Start
-from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.planner import plan, relocated
 from pentimento.planning.strokes.relocate import without_useless
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Meaning, Scene, Style, objective_for
@@ -135,7 +135,7 @@ class _BatchByBatch:
     def replan(self, state: _BatchProgress, changed: bool) -> _BatchProgress:
         remaining, photo = _copy(state.remaining), state.photos[-1]
         if self.replans and len(remaining) > 0:
-            replan_rest(remaining, photo, state.scene, self.config)
+            remaining = replan_rest(remaining, photo, state.scene, self.config, palette_srgb=self.palette_srgb)
         deviation = float(np.square(predict(remaining, photo, state.scene) - self.first).mean())
         self.log("deviation", deviation, len(state.executed))
         return replace(state, remaining=remaining, deviation=(*state.deviation, deviation))
@@ -161,13 +161,23 @@ def predict(strokes: Strokes, photo: Image, scene: Scene) -> Array:
     return linear_to_srgb(render_plan(strokes, as_linear(photo), scene))
 
 
-def replan_rest(remaining: Strokes, photo: Image, scene: Scene, config: PlannerConfig) -> None:
-    """Optimise the remaining strokes, in place, on the canvas as photographed, sRGB [H, W, 3]."""
+def replan_rest(
+    remaining: Strokes, photo: Image, scene: Scene, config: PlannerConfig, *, palette_srgb: FloatArray
+) -> Strokes:
+    """As many strokes as remain, optimised on the canvas as photographed, sRGB [H, W, 3].
+
+    A brush leaves gaps where its paint runs low, and no gradient moves a stroke to a gap that it does not touch. With
+    paints, sRGB [K, 3], useless strokes are therefore first relocated to where the photograph differs from the target.
+    """
+    canvas, strokes = as_linear(photo), _copy(remaining)
+    if scene.tool.color_srgb is None and config.relocate_share > 0 and config.objectives.print_weight > 0:
+        strokes = relocated(strokes, canvas, scene, config, palette_srgb=palette_srgb)
     optimise(
-        remaining, as_linear(photo), scene, config, iterations=config.iterations_replan, free_color=False,
+        strokes, canvas, scene, config, iterations=config.iterations_replan, free_color=False,
         rate=config.replan_rate, log=_ignore,
     )  # fmt: skip
-    remaining.inherited = None
+    strokes.inherited = None
+    return strokes
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,19 +233,21 @@ def first_plan(
     return without_useless(strokes, as_linear(canvas), scene, context.planner), palette
 
 
-def replanned(context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start) -> Strokes:
-    """The remaining strokes after gradient descent on the canvas as it is now (thesis 4.3.5)."""
-    moved = _copy(remaining)
-    if len(moved):
-        replan_rest(moved, canvas, context.scene(as_linear(goal), start), context.planner)
-    return moved
+def replanned(
+    context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
+) -> Strokes:
+    """The remaining strokes, replanned on the canvas as it is now (thesis 4.3.5); see ``replan_rest``."""
+    if not len(remaining):
+        return _copy(remaining)
+    scene = context.scene(as_linear(goal), start)
+    return replan_rest(remaining, canvas, scene, context.planner, palette_srgb=palette_srgb)
 
 
 def replanned_and_pruned(
-    context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start
+    context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
 ) -> Strokes:
     """``replanned`` on a canvas that a person has changed: strokes that increase the objective now are removed."""
-    moved = replanned(context, remaining, canvas, goal=goal, start=start)
+    moved = replanned(context, remaining, canvas, goal=goal, start=start, palette_srgb=palette_srgb)
     return without_useless(moved, as_linear(canvas), context.scene(as_linear(goal), start), context.planner)
 
 

@@ -254,7 +254,10 @@ class _StrokeByStroke:
         self.at.watchdog.beat(PLAN_S, "replanning")
         adapt = replanned_and_pruned if changed else replanned
         context = self.context.about(words_in(self.session.folder))
-        remaining = adapt(context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state))
+        remaining = adapt(
+            context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state),
+            palette_srgb=state.palette_srgb,
+        )  # fmt: skip
         state = replace(state, remaining=remaining, clock_s=self.at.clock_s)
         write_pictures(self.session.folder, self.context, state, self.session.replan_every)
         self.at.keep_photograph(state)

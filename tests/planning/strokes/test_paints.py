@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.contracts.colour import srgb_to_lab
+from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
 from pentimento.contracts.errors import ConfigError
+from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.paints import (
     Paints,
     choose_paints,
@@ -16,7 +17,7 @@ from pentimento.planning.strokes.paints import (
     sweep_order,
     visible,
 )
-from pentimento.planning.strokes.palette import PaletteChoice, picture_palette
+from pentimento.planning.strokes.palette import PaletteChoice, cluster_palette, picture_palette, salient_palette
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.render_plan import coverages
 from tests.planning.strokes.scenes import (
@@ -125,8 +126,8 @@ def test_picture_palette_has_the_pictures_colours() -> None:
 def test_repaint_never_raises_the_loss() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
     choice = PaletteChoice("given", None, None, ((0.8, 0.25, 0.25), (0.25, 0.66, 0.35)))
-    paints = choose_paints(strokes, choice, 0)
-    wrong = Paints(paints.linear, 1 - paints.index)
+    paints = choose_paints(strokes, scene(), choice, 0)
+    wrong = replace(paints, index=1 - paints.index)
     before = wrong.dipped(strokes)
     after, chosen = repaint(before, wrong, WHITE, scene(), config=CONFIG)
     assert loss(after, WHITE) < loss(before, WHITE)
@@ -136,7 +137,7 @@ def test_repaint_never_raises_the_loss() -> None:
 
 def test_in_order_keeps_colours() -> None:
     strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
-    paints = Paints(np.array([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]], np.float32), np.array([0, 1, 0, 1]))
+    paints = Paints(np.array([[0.1, 0.1, 0.1], [0.8, 0.8, 0.8]], np.float32), np.array([0, 1, 0, 1]), np.zeros(2, bool))
     ordered, sorted_paints = in_order(paints.dipped(strokes), paints, scene(), replace(CONFIG, sweeps=1))
     np.testing.assert_allclose(sorted_paints.linear[sorted_paints.index], ordered.color, rtol=1e-5)
     np.testing.assert_allclose(ordered.color[:, 0], [0.8, 0.8, 0.1, 0.1], rtol=1e-5)
@@ -157,3 +158,65 @@ def test_palette_rejects_wrong_tool_and_fields() -> None:
     ):
         with pytest.raises(ValueError, match=sentence):
             PaletteChoice(*wrong)  # type: ignore[arg-type]
+
+
+GREEN_EYES = (0.40, 0.47, 0.20)
+
+
+def browns_with_eyes(eyes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Two hundred browns from dark to light, then a few small strokes of green; and the area of each."""
+    rng = np.random.default_rng(0)
+    light = np.linspace(0.2, 0.9, 200)[:, None]
+    browns = light * (0.75, 0.55, 0.4) + rng.normal(0, 0.015, (200, 3))
+    greens = np.array(GREEN_EYES) + rng.normal(0, 0.01, (eyes, 3))
+    return np.concatenate([browns, greens]), np.concatenate([np.ones(200), np.full(eyes, 0.12)])
+
+
+def distance(palette: np.ndarray, color: tuple[float, float, float]) -> float:
+    return float(delta_e_2000(srgb_to_lab(palette), srgb_to_lab(np.array(color))).min())
+
+
+def test_small_salient_colour_keeps_a_paint() -> None:
+    """Strokes vote for paints; eyes of .3 % of the area have no vote, and keep their green all the same."""
+    colors, areas = browns_with_eyes(4)
+    assert distance(cluster_palette(colors, areas, 6, 0)[0], GREEN_EYES) > 12
+    palette, index, fixed = salient_palette(colors, areas, 6, 0)
+    assert len(palette) == 6 and fixed.sum() >= 1
+    assert distance(palette[fixed], GREEN_EYES) < 3
+    assert len(set(index[-4:])) == 1 and fixed[index[-1]]
+    assert (np.diff(srgb_to_lab(palette)[:, 0]) <= 0).all()
+
+
+def test_salient_paints_leave_the_others_nearly_as_good() -> None:
+    """The error of the other colours is about that of a palette with as many paints less."""
+    colors, areas = browns_with_eyes(4)
+
+    def error(palette: np.ndarray) -> float:
+        squares = np.square(srgb_to_lab(colors[:200])[:, None] - srgb_to_lab(palette)).sum(-1).min(1)
+        return float(areas[:200] @ squares)
+
+    palette, _, fixed = salient_palette(colors, areas, 8, 0)
+    fewer = cluster_palette(colors[:200], areas[:200], 8 - int(fixed.sum()), 0)[0]
+    assert error(palette) <= 1.1 * error(fewer)
+
+
+def test_no_salient_colour_no_fixed_paint() -> None:
+    colors, areas = browns_with_eyes(0)
+    palette, index, fixed = salient_palette(colors, areas, 12, 0)
+    assert not fixed.any()
+    few = np.repeat(np.array([GREEN_EYES, (0.8, 0.1, 0.1)]), 5, axis=0)
+    assert len(salient_palette(few, np.ones(10), 12, 0)[0]) == 2
+    assert len(salient_palette(few, np.ones(10), 1, 0)[0]) == 1
+    assert index.max() < len(palette)
+
+
+def test_descent_leaves_fixed_paints() -> None:
+    strokes = strokes_at((0.03, 0.03), (0.08, 0.03), (0.05, 0.06), (0.085, 0.03))
+    linear = np.array([[0.5, 0.5, 0.5], [0.3, 0.3, 0.3]], np.float32)
+    paints = Paints(linear.copy(), np.array([0, 1, 0, 1]), np.array([False, True]))
+    optimise(
+        paints.dipped(strokes), WHITE, scene(), CONFIG, iterations=5, free_color=True, rate=1.0, log=unheard,
+        paints=paints,
+    )  # fmt: skip
+    np.testing.assert_array_equal(paints.linear[1], linear[1])
+    assert np.abs(paints.linear[0] - linear[0]).max() > 0.01

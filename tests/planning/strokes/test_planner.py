@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pentimento.contracts.colour import delta_e_2000, srgb_to_lab
+from pentimento.contracts.colour import delta_e_2000, linear_to_srgb, srgb_to_lab
 from pentimento.contracts.errors import ImageError
 from pentimento.control.safety import envelope_for
 from pentimento.planning.adam import half_cosine
@@ -16,7 +16,7 @@ from pentimento.planning.strokes.config import ExecutionNoise, PlannerConfig
 from pentimento.planning.strokes.descent import descend, optimise
 from pentimento.planning.strokes.families import round_shares
 from pentimento.planning.strokes.palette import cluster_palette
-from pentimento.planning.strokes.planner import plan
+from pentimento.planning.strokes.planner import plan, relocated
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.target import Part, fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.tools import load_tool
@@ -171,6 +171,21 @@ def test_replanning_compensates_displaced_strokes() -> None:
     unplanned = error()
     optimise(left, canvas, scene(), CONFIG, iterations=20, free_color=False, rate=0.1, log=unheard)
     assert error() < unplanned
+
+
+def test_replanning_relocates_strokes_to_a_gap() -> None:
+    """Strokes that lie on one another move to where the photographed canvas is still bare, on top of the others."""
+    canvas = scene().target.copy()
+    canvas[5:30, 4:12] = 1.0  # a gap at the left
+    left = strokes_at(*[(0.09, 0.05)] * 10)
+    left.theta_rad[:] = 0
+    palette = linear_to_srgb(np.array([[0.6, 0.05, 0.05], [0.05, 0.4, 0.1]]))
+    moved = relocated(left, canvas, scene(), replace(CONFIG, relocate_share=0.5), palette_srgb=palette)
+    assert len(moved) == 10
+    in_gap = moved.middle_m[:, 0] < 0.03
+    assert in_gap[-3:].all() and 3 <= in_gap.sum() <= 5
+    assert loss(moved, canvas) < 0.9 * loss(left, canvas)
+    assert (np.abs(moved.color[in_gap] - (0.05, 0.4, 0.1)).max(1) < 1e-3).all()
 
 
 def test_cluster_palette_finds_clusters_in_lab() -> None:

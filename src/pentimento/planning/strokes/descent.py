@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pentimento.planning.adam import Adam, half_cosine
 from pentimento.planning.objectives import Objective
 from pentimento.planning.strokes.config import Log, PlanConfig
-from pentimento.planning.strokes.paints import Paints
+from pentimento.planning.strokes.paints import DARKEST, Paints
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.render_plan import Fault, expected_fault, faults, render_and_back, render_plan
 from pentimento.planning.strokes.scene import Scene, inherit, objective_for
@@ -88,11 +88,12 @@ def descend(
         if paints is not None:
             of_paints = np.zeros_like(paints.linear)
             np.add.at(of_paints, paints.index, gradients[-1])
+            of_paints[paints.fixed] = 0.0
             gradients[-1] = of_paints
         share = half_cosine(iteration, iterations, rate, last_rate)
         adam.step(gradients[: len(moved)], [share * step for step in rates])
         if paints is not None:
-            np.clip(paints.linear, 0.0, 1.0, out=paints.linear)
+            np.clip(paints.linear, DARKEST, 1.0, out=paints.linear)
             strokes.color[:] = paints.linear[paints.index]
         strokes.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
 

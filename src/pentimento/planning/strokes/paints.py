@@ -14,16 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
+from pentimento.contracts.colour import linear_to_srgb, srgb_to_lab, srgb_to_linear
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.palette import (
     PaletteChoice,
-    cluster_palette,
     light_first,
     nearest_paint,
     picture_palette,
+    salient_palette,
 )
 from pentimento.planning.strokes.render_plan import coverages, render_and_back, render_plan
 from pentimento.planning.strokes.scene import Scene, objective_for
@@ -33,9 +33,14 @@ from pentimento.robots.tools import Tool
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 _COVER_PX = 80
 """Width of the picture in which overlaps of strokes are measured."""
+DARKEST = 0.01
+"""Linear light of the darkest paint: a black acrylic reflects about a hundredth of the light at its surface."""
+_HIDDEN = 1e-3
+"""Weight of a hidden stroke's colour, as a share of the mean: it has a paint, and no say in which paints there are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +51,10 @@ class Paints:
     """[K, 3] linear light. ``optimise`` moves it in place where the palette comes from the plan."""
     index: IntArray
     """[S]."""
+    fixed: Mask
+    """[K] whether ``optimise`` leaves a paint as it is. Its few strokes could not keep a salient colour: strokes
+    elsewhere that take the paint, too, would pull it towards their own.
+    """
 
     def srgb(self) -> FloatArray:
         """[K, 3]."""
@@ -67,13 +76,13 @@ def check_palette(choice: PaletteChoice, tool: Tool) -> None:
         raise ConfigError(f"The palette's source is {choice.source}, but the {tool.name} brings {brings}.")
 
 
-def choose_paints(strokes: Strokes, choice: PaletteChoice, seed: int) -> Paints:
+def choose_paints(strokes: Strokes, scene: Scene, choice: PaletteChoice, seed: int) -> Paints:
     """The paints of ``choice``, and for each stroke the one nearest to its colour in L*a*b*."""
-    colors = linear_to_srgb(strokes.color).astype(np.float64)
+    colors, fixed = linear_to_srgb(strokes.color).astype(np.float64), None
     match choice.source:
         case "plan":
-            covered = (strokes.length_m * (1e-3 + strokes.press_m.mean(1))).astype(np.float64)
-            palette, index = cluster_palette(colors, covered, choice.size or 1, seed)
+            seen = visible(coverages(strokes, scene, _COVER_PX)).sum(1)
+            palette, index, fixed = salient_palette(colors, seen + _HIDDEN * seen.mean(), choice.size or 1, seed)
         case "picture":
             palette = picture_palette(choice.picture or "", choice.size or 1, seed)
             index = nearest_paint(colors, palette)
@@ -82,20 +91,21 @@ def choose_paints(strokes: Strokes, choice: PaletteChoice, seed: int) -> Paints:
             index = nearest_paint(colors, palette)
         case "ink":
             raise AssertionError("A tool with its own ink takes no paints.")
-    return Paints(srgb_to_linear(palette.astype(np.float32)), index)
+    fixed = np.zeros(len(palette), dtype=bool) if fixed is None else fixed
+    linear = srgb_to_linear(palette.astype(np.float32))
+    return Paints(linear if choice.source == "given" else np.maximum(linear, np.float32(DARKEST)), index, fixed)
 
 
 def in_order(strokes: Strokes, paints: Paints, scene: Scene, config: PlannerConfig) -> tuple[Strokes, Paints]:
     """The strokes in the order of painting, and the paints from light to dark; see ``sweep_order``."""
     palette = paints.srgb()
-    light = light_first(palette)
-    rank = np.array([int(np.flatnonzero((light == color).all(1))[0]) for color in palette])
-    index = rank[paints.index]
+    by_light = np.argsort(-srgb_to_lab(palette)[:, 0], kind="stable")
+    light, index = palette[by_light], np.argsort(by_light)[paints.index]
     covers = coverages(strokes, scene, _COVER_PX)
     order = sweep_order(covers, light[index], index, config.sweeps)
     ordered = strokes.pick(order)
     ordered.inherited = None  # it was computed for another order
-    return ordered, Paints(srgb_to_linear(light.astype(np.float32)), index[order])
+    return ordered, Paints(srgb_to_linear(light.astype(np.float32)), index[order], paints.fixed[by_light])
 
 
 def repaint(
@@ -123,7 +133,7 @@ def repaint(
     while len(candidates) > 0:
         index = paints.index.copy()
         index[candidates] = wanted[candidates]
-        tried = Paints(paints.linear, index)
+        tried = replace(paints, index=index)
         if objective(render_plan(tried.dipped(strokes), canvas, scene))[0] < before:
             return tried.dipped(strokes), tried
         candidates = candidates[: len(candidates) // 2]

@@ -13,6 +13,7 @@ from pentimento.planning.strokes.target import load_photograph
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 _PICTURE_PIXELS = 20_000
 """Largest number of a picture's pixels that are clustered, drawn at random."""
@@ -22,6 +23,16 @@ _MAX_ITERATIONS = 300
 """Of k-means in one start, as in scikit-learn."""
 _TOLERANCE = 1e-4
 """Squared shift of the centres, as a share of the points' variance, at which k-means stops; as in scikit-learn."""
+_SHADES = 40
+"""Clusters among which salient colours are looked for."""
+_SALIENT_PAINTS = 3
+"""Largest number of paints that are salient colours."""
+_MIN_SHARE = 0.002
+"""Smallest share of the picture of a salient colour: an eye in a face."""
+_UNLIKE = 8.0
+"""Smallest difference of a salient colour from every other paint, in L*/√2, a*, b*. Hue counts more than lightness,
+because strokes of two paints can look like one between them in lightness, and seldom in hue.
+"""
 
 
 @dataclass(frozen=True)
@@ -29,8 +40,8 @@ class PaletteChoice:
     """Which paints the person lays out."""
 
     source: Literal["plan", "picture", "given", "ink"]
-    """``plan``: the strokes' own colours, clustered, then optimised with the strokes. ``picture``: a picture's colours,
-    clustered. ``given``: ``colors_srgb``. ``ink``: none, the tool has its own."""
+    """``plan``: the strokes' own colours, clustered with regard to small salient ones, then optimised with the strokes.
+    ``picture``: a picture's colours, clustered. ``given``: ``colors_srgb``. ``ink``: none, the tool has its own."""
     size: int | None
     """Number of paints, for ``plan`` and ``picture``."""
     picture: str | None
@@ -69,6 +80,43 @@ def cluster_palette(colors_srgb: FloatArray, weights: FloatArray, size: int, see
     centres = weighted_kmeans(lab, weights, size, np.random.default_rng([seed, 3]))
     palette = light_first(np.clip(lab_to_srgb(centres), 0.0, 1.0))
     return palette, nearest_paint(colors_srgb, palette)
+
+
+def salient_palette(
+    colors_srgb: FloatArray, weights: FloatArray, size: int, seed: int
+) -> tuple[FloatArray, IntArray, Mask]:
+    """``cluster_palette`` with some paints kept for small colours that differ from all others.
+
+    Colours with little weight have no cluster of their own: a tabby gets twelve browns and brown eyes. The colours are
+    therefore also clustered into many shades. While a shade differs from every paint by ``_UNLIKE`` or more, the one
+    with the largest difference times root of its weight becomes a paint, and the rest are clustered into the others.
+
+    Returns:
+        As ``cluster_palette``; and which paints are such shades, [K].
+    """
+    lab = srgb_to_lab(np.asarray(colors_srgb, dtype=np.float64))
+    distinct = len(np.unique(lab.round(6), axis=0))
+    size = min(size, distinct)
+    shades = weighted_kmeans(lab, weights, min(_SHADES, distinct), np.random.default_rng([seed, 5]))
+    shade = _squares(lab, shades).argmin(1)
+    share = np.bincount(shade, weights, len(shades)) / weights.sum()
+    kept = np.zeros((0, 3))
+    left = np.ones(len(lab), dtype=bool)
+    while True:
+        others = min(size - len(kept), len(np.unique(lab[left].round(6), axis=0)))
+        paints = np.concatenate(
+            [weighted_kmeans(lab[left], weights[left], others, np.random.default_rng([seed, 3])), kept]
+        )
+        unlike = np.sqrt((np.square(shades[:, None] - paints) * (0.5, 1.0, 1.0)).sum(-1).min(1))
+        salience = np.where((share >= _MIN_SHARE) & (unlike >= _UNLIKE), unlike * np.sqrt(share), 0.0)
+        if len(kept) == min(_SALIENT_PAINTS, size - 1) or salience.max() == 0:
+            break
+        most = int(salience.argmax())
+        kept = np.concatenate([kept, shades[most : most + 1]])
+        left &= shade != most
+    order = np.argsort(-paints[:, 0], kind="stable")
+    palette = np.clip(lab_to_srgb(paints[order]), 0.0, 1.0)
+    return palette, nearest_paint(colors_srgb, palette), order >= len(paints) - len(kept)
 
 
 def picture_palette(name_or_path: str, size: int, seed: int) -> FloatArray:

@@ -13,6 +13,7 @@ from typing import Generic, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.colour import srgb_to_linear
 from pentimento.contracts.errors import ConfigError
 from pentimento.planning.adam import half_cosine
 from pentimento.planning.strokes.bezier import Strokes, no_strokes
@@ -86,7 +87,7 @@ def plan(canvas: Array, scene: Scene, count: int, config: PlannerConfig, log: Lo
     strokes = free_plan(canvas, scene, count, config, rng=rng, log=log)
     if scene.tool.color_srgb is not None:
         return strokes, np.array([scene.tool.color_srgb])
-    paints = choose_paints(strokes, config.palette, config.seed)
+    paints = choose_paints(strokes, scene, config.palette, config.seed)
     draft = Draft(*in_order(paints.dipped(strokes), paints, scene, config))
     done = config.rounds * config.iterations_per_round + config.iterations_free
     planner = Planner(canvas, scene, config, BezierFamily(config, count), rng, log)
@@ -140,6 +141,21 @@ def plan_shapes(
     planner = Planner(canvas, scene, config, shaped_family(shapes, ink_m, config, rng), rng, log)
     draft, done = Draft(_in_rounds(planner, planner.family.none()), None), config.rounds * config.iterations_per_round
     return _in_stretches(planner, draft, config.iterations, rate=1.0, done=done).strokes
+
+
+def relocated(
+    strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig, *, palette_srgb: FloatArray
+) -> Strokes:
+    """The strokes with useless ones relocated in these paints, sRGB [K, 3]: on top, from light to dark.
+
+    The others keep their order, for which they were optimised.
+    """
+    paints = srgb_to_linear(np.asarray(palette_srgb, dtype=np.float64))
+    family, rng = BezierFamily(config, len(strokes)), np.random.default_rng([config.seed, 6, scene.start.made])
+    moved, count = relocate(strokes, canvas, scene, config=config, family=family, paints=paints, rng=rng)
+    on_top = moved.color[len(moved) - count :].mean(1)
+    order = np.argsort(-on_top, kind="stable") + len(moved) - count
+    return moved.pick(np.concatenate([np.arange(len(moved) - count), order]))
 
 
 def _in_rounds(planner: Planner[S], strokes: S) -> S:
@@ -210,6 +226,6 @@ def _repaired(planner: Planner[S], draft: Draft[S]) -> Draft[S]:
         return Draft(strokes, None)
     assert isinstance(strokes, Strokes) and isinstance(config, PlannerConfig)  # only Bézier strokes take paints
     index = np.square(strokes.color[:, None] - paints.linear).sum(-1).argmin(1)
-    repainted, paints = repaint(strokes, Paints(paints.linear, index), canvas, scene, config=config)
+    repainted, paints = repaint(strokes, replace(paints, index=index), canvas, scene, config=config)
     ordered, paints = in_order(repainted, paints, scene, config)
     return Draft(cast("S", ordered), paints)
