@@ -26,7 +26,7 @@ from pentimento.dynamics.strokes.extended import StrokeModel, base_model, read_s
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pentimento.planning.objectives import PrintObjective
-from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import PlannerConfig, no_log
 from pentimento.planning.strokes.memory import beyond_fit, planned_covariates
 from pentimento.planning.strokes.planner import plan
@@ -124,7 +124,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
         write_png(out / "polyline.png", to_uint8(simpler["polyline"]))
-        planned = to_planned(strokes, tool, setting.planner.path_points)
+        planned = strokes.planned(tool, setting.planner.path_points)
         _write_paintings(out, tool, robot.canvas_size_m, planned=planned, palette=palette, paintings=paintings)
         executed = [min(i * config.replan_every, len(planned)) for i in range(len(paintings["with"].deviation))]
         deviation = {kind: painting.deviation for kind, painting in paintings.items()}

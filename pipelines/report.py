@@ -36,7 +36,9 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {f"sculpture.{material}": arguments.sculptures / material for material in sculpted}
     inputs |= {f"push_model.{material}": path for material, path in sculpted.items()}
     inputs |= {f"gap.push_{material}": arguments.gap / f"push_{material}" for material in sculpted}
-    inputs |= {"hands": arguments.hands, "trajvae": arguments.models / "trajvae/weights"}
+    drawings = {setting: arguments.hands / setting for setting in arguments.drawn}
+    inputs |= {f"hands.{setting}": path for setting, path in drawings.items()}
+    inputs |= {"trajvae": arguments.models / "trajvae/weights"}
     inputs |= {"demonstrations": arguments.demonstrations}
     inputs |= {"performances": arguments.performances, "benchmarks": arguments.benchmarks}
     with tracked_run("report", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
@@ -46,9 +48,7 @@ def main(arguments: argparse.Namespace) -> None:
             benchmarks=read_benchmarks(arguments.benchmarks),
             meanings=read_meanings(arguments.meanings),
             diagnoses=[read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
-            handwriting=read_handwriting(
-                arguments.hands, arguments.models / "trajvae/weights", arguments.demonstrations
-            ),
+            handwriting=read_handwriting(drawings, arguments.models / "trajvae/weights", arguments.demonstrations),
             evaluations=[read_copainting(setting, arguments.evaluations / setting) for setting in arguments.evaluated],
             sculptures=[
                 read_sculpture(name, arguments.sculptures / name, folder, arguments.gap / f"push_{name}")
@@ -78,6 +78,7 @@ if __name__ == "__main__":
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
     parser.add_argument("--settings", required=True, nargs="+", help="likewise; the first opens the page")
     parser.add_argument("--evaluated", required=True, nargs="+", help="settings of co-painting, likewise")
+    parser.add_argument("--drawn", required=True, nargs="+", help="settings of handwriting, likewise")
     parser.add_argument("--sculpted", required=True, nargs="+", help="materials, likewise")
     parser.add_argument("--out", required=True, type=Path)
     stage_main(main, parser)

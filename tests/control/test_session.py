@@ -23,7 +23,6 @@ from pentimento.control.recording import RECORD
 from pentimento.control.safety import envelope_for
 from pentimento.control.session import begin, resume
 from pentimento.control.workplace import PaintingSession, Proposal
-from pentimento.planning.strokes.bezier import to_planned
 from pentimento.planning.strokes.config import no_log
 from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
@@ -126,7 +125,7 @@ def test_session_replans_after_a_persons_turn(tmp_path: Path, painted: Painted) 
             turned = True
             control.send("your turn")
         if state.phase == "your turn":
-            for stroke in to_planned(state.remaining, beside.context.tool, POINTS):  # the robot's remaining strokes
+            for stroke in state.remaining.planned(beside.context.tool, POINTS):  # the robot's remaining strokes
                 robot.move(stroke.path)
             control.send("go on")
 

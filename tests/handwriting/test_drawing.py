@@ -22,7 +22,8 @@ def test_path_marks_agree_with_bezier_marks() -> None:
     assert found.pickup is None
     rng = np.random.default_rng(0)
     cotangent = Marks(*(rng.normal(size=a.shape).astype(np.float32) for a in found[:5]), None)
-    of_path, of_strokes = pull(cotangent), pull_known(cotangent)
+    (of_path, of_color), of_strokes = pull(cotangent), pull_known(cotangent)
+    np.testing.assert_allclose(of_color, of_strokes.color, rtol=1e-4)
     assert of_path.shape == (2, POINTS, 5)
     np.testing.assert_allclose(of_path[..., 1:3].sum(1), of_strokes.middle_m, rtol=1e-4)  # a path is moved as a whole
     turned = of_path[..., 2] * (found_x(strokes) - strokes.middle_m[:, :1])
@@ -42,7 +43,7 @@ def test_path_gradient_agrees_with_finite_differences(value: float) -> None:
     weights = np.full_like(brush.path_marks(path, strokes.color, {})[0].radius_m, value)
     marks, pull = brush.path_marks(path, strokes.color, {})
     zero = Marks(*(np.zeros_like(a) for a in marks[:5]), None)
-    gradient = pull(zero._replace(radius_m=weights))
+    gradient, _ = pull(zero._replace(radius_m=weights))
     moved = path.copy()
     moved[0, 4, 3] -= 1e-4
     change = (brush.path_marks(moved, strokes.color, {})[0].radius_m - marks.radius_m).sum() * value

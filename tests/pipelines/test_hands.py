@@ -40,14 +40,22 @@ SECTIONS = {
         },
     },
     "draw_in_hands": {
-        "photograph": "astronaut", "part": {"left": 0.0, "top": 0.0, "right": 1.0, "bottom": 1.0},
-        "tool": "marker", "world": "marker", "darkest": 0.35, "ink_length_m": 0.2, "seed": 7,
-        "planner": {
-            "candidates": 2, "rounds": 1, "iterations_per_round": 2, "iterations": 4, "relocate_every": 2,
-            "relocate_share": 0.2, "max_latent_distance": 1.0, "path_points": 16, "pixels_per_m": 300.0,
-            "edge_m": "6 mm",
-            "distances_px": [2], "seed": 1,
-            "learning_rates": {"middle_m": "0.8 mm", "theta_rad": 0.05, "press_m": "0.02 mm", "shape": 0.05},
+        "seed": 7, "views": 1, "settings": {
+            "portrait": {
+                "photograph": "astronaut", "part": {"left": 0.0, "top": 0.0, "right": 1.0, "bottom": 1.0},
+                "tool": "marker", "world": "marker", "darkest": 0.35, "ink_length_m": 0.2, "replan_every": 6,
+                "planner": {
+                    "candidates": 2, "rounds": 1, "iterations_per_round": 2, "iterations": 4, "iterations_palette": 0,
+                    "iterations_replan": 1, "replan_rate": 0.1, "relocate_every": 2, "relocate_share": 0.2,
+                    "max_latent_distance": 1.0, "sweeps": 1, "path_points": 16, "pixels_per_m": 300.0,
+                    "palette": {"source": "ink", "size": None, "picture": None, "colors_srgb": None},
+                    "edge_m": "6 mm", "distances_px": [2], "seed": 1,
+                    "objectives": {"print_weight": 1.0, "semantic_weight": 0.1, "text": None, "style": None},
+                    "learning_rates": {
+                        "middle_m": "0.8 mm", "theta_rad": 0.05, "press_m": "0.02 mm", "shape": 0.05, "color": 0.0,
+                    },
+                },
+            },
         },
     },
 }  # fmt: skip
@@ -74,18 +82,19 @@ def test_from_made_up_hands_to_drawings(folder: Path) -> None:
     assert told["strokes"] == {"learned": 70, "quarantined": 0}
     assert all(told["arcs"][name] > 0 for name in ("fine_tuned", "pretrained", "nearest_demonstration", "mean_stroke"))
 
-    (folder / "model").mkdir()
+    weights = folder / "models/stroke_marker/weights"
+    weights.mkdir(parents=True)
     model = base_model(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 8e-4, 0.2, 0.95))
     for name, value in model_files(model).items():
-        write_json(folder / "model" / name, value)
+        write_json(weights / name, value)
     (folder / "judge").mkdir()
     tokenizer = learn_tokenizer(["a house", "a red house"], 300, 24)
     Encoder(new_model(EncoderShape(32, 8, 32, 1, 32, 1, 2, 16), tokenizer, 0), tokenizer).save(folder / "judge")
     out = folder / "drawings"
     draw.main(
         argparse.Namespace(
-            demonstrations=folder / "one/demonstrations", hands=folder / "one/hands", model=folder / "model",
-            judge=folder / "judge", out=out,
+            setting="portrait", demonstrations=folder / "one/demonstrations", hands=folder / "one/hands",
+            models=folder / "models", tools=["marker"], semantics=folder / "judge", judge=folder / "judge", out=out,
         )
     )  # fmt: skip
     metrics = json.loads((out / "metrics.json").read_text())
@@ -116,7 +125,7 @@ def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
     [
         ("gather_demonstrations", "points", 1, gather.GatherDemonstrations, "points is 1"),
         ("train_trajvae", "few_shot_strokes", 1, train.TrainTrajVAE, "few_shot_strokes is 1"),
-        ("draw_in_hands", "darkest", 1.0, draw.DrawInHands, "darkest is 1.0; it must be below 1"),
+        ("draw_in_hands", "views", -1, draw.DrawInHands, "views is -1; it must be 0 or more"),
     ],
 )
 def test_a_number_out_of_its_range_is_one_sentence(

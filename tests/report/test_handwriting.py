@@ -16,7 +16,7 @@ PICTURE = encode_png(np.full((8, 8, 3), 150, np.uint8))
 NAMES = ("ann", "b<o>b", "bezier", "nobody")
 
 
-def write(folder: Path) -> tuple[Path, Path, Path]:
+def write(folder: Path) -> tuple[dict[str, Path], Path, Path]:
     drawings, weights, demonstrations = (folder / name for name in ("drawings", "weights", "demonstrations"))
     executed = {"ann": [0.9, 0.1], "b<o>b": [0.3, 0.7], "bezier": [1.0, 0.0], "nobody": [0.5, 0.5]}
     taken_for: dict[str, Any] = {
@@ -41,13 +41,16 @@ def write(folder: Path) -> tuple[Path, Path, Path]:
     (weights / "latent_map.png").write_bytes(PICTURE)
     demonstrations.mkdir()
     (demonstrations / "strokes.png").write_bytes(PICTURE)
-    return drawings, weights, demonstrations
+    return {"portrait": drawings}, weights, demonstrations
 
 
 def test_section_has_all_drawings_and_the_confusion_matrix(tmp_path: Path) -> None:
     album = Album()
     html = handwriting_section(read_handwriting(*write(tmp_path)), album)
-    assert {f"hands_{name}.png" for name in ("target", "ann", "b<o>b", "bezier", "latent_map")} <= set(album.files)
+    assert {
+        f"hands_{name}.png"
+        for name in ("portrait_target", "portrait_ann", "portrait_b<o>b", "portrait_bezier", "latent_map")
+    } <= set(album.files)
     assert "b<o>b" not in html
     for text in (
         "<b>90\u00a0%</b>",
@@ -62,6 +65,6 @@ def test_section_has_all_drawings_and_the_confusion_matrix(tmp_path: Path) -> No
 
 def test_missing_drawing_is_an_error(tmp_path: Path) -> None:
     folders = write(tmp_path)
-    (folders[0] / "ann/drawing.png").unlink()
+    (folders[0]["portrait"] / "ann/drawing.png").unlink()
     with pytest.raises(ContractError, match="run the stages"):
         read_handwriting(*folders)

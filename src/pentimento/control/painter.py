@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -17,11 +18,12 @@ from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.commission import Weights
 from pentimento.control.execute import Session, execute
 from pentimento.control.loop import Hooks, run_loop
-from pentimento.planning.strokes.bezier import Strokes, no_strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.planning.strokes.brush import Brush
-from pentimento.planning.strokes.config import Log, PlannerConfig, TextConfig
+from pentimento.planning.strokes.config import Log, PlanConfig, PlannerConfig, TextConfig
 from pentimento.planning.strokes.descent import optimise
 from pentimento.planning.strokes.memory import Start
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.planner import plan, relocated
 from pentimento.planning.strokes.relocate import without_useless
 from pentimento.planning.strokes.render_plan import render_plan
@@ -32,6 +34,7 @@ from pentimento.robots.tools import Tool
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
+S = TypeVar("S", bound=PlannedPaths)
 
 _CHANGED = 0.06
 """Change of a pixel's sRGB value (0 to 1) that exceeds a camera's noise."""
@@ -42,6 +45,8 @@ class Painting:
     """The result of executing a plan."""
 
     executed: list[PlannedStroke]
+    measured: list[FloatArray]
+    """[N, 5] of each stroke: its path as the robot measured it, NaN where it did not."""
     photos: list[Image]
     """The canvas, sRGB [H, W, 3], before the first stroke and after every batch."""
     deviation: list[float]
@@ -54,12 +59,12 @@ class Painting:
 def paint(
     robot: Robot,
     scene: Scene,
-    strokes: Strokes,
+    strokes: PlannedPaths,
     *,
     palette_srgb: FloatArray,
     replan_every: int,
     replan: bool,
-    config: PlannerConfig,
+    config: PlanConfig,
     log: Log,
 ) -> Painting:
     """Execute a plan in batches and photograph the canvas after each.
@@ -77,9 +82,11 @@ def paint(
     remaining = _copy(strokes)
     first = predict(remaining, photo, scene)
     task = _BatchByBatch(robot, calibration, session, palette_srgb, replan_every, replan, config, first, log)
-    start = _BatchProgress((), (photo,), (0.0,), remaining, memory, scene)
+    start = _BatchProgress((), (), (photo,), (0.0,), remaining, memory, scene)
     state, _ = run_loop(task, start, Hooks())
-    return Painting(list(state.executed), list(state.photos), list(state.deviation), to_uint8(first))
+    return Painting(
+        list(state.executed), list(state.measured), list(state.photos), list(state.deviation), to_uint8(first)
+    )
 
 
 @dataclass(frozen=True)
@@ -87,9 +94,10 @@ class _BatchProgress:
     """What has been painted, and what remains."""
 
     executed: tuple[PlannedStroke, ...]
+    measured: tuple[FloatArray, ...]
     photos: tuple[Image, ...]
     deviation: tuple[float, ...]
-    remaining: Strokes
+    remaining: PlannedPaths
     memory: Memory
     scene: Scene
 
@@ -104,7 +112,7 @@ class _BatchByBatch:
     palette_srgb: FloatArray
     replan_every: int
     replans: bool
-    config: PlannerConfig
+    config: PlanConfig
     first: Array
     """The finished painting as predicted by the first plan, sRGB [H, W, 3]."""
     log: Log
@@ -114,13 +122,13 @@ class _BatchByBatch:
 
     def batch(self, state: _BatchProgress) -> Sequence[list[PlannedStroke]]:
         scene = state.scene
-        return [to_planned(state.remaining.pick(slice(0, self.replan_every)), scene.tool, scene.brush.path_points)]
+        return [state.remaining.pick(slice(0, self.replan_every)).planned(scene.tool, scene.brush.path_points)]
 
     def mark_pending(self, state: _BatchProgress) -> _BatchProgress:
         return state
 
     def execute(self, state: _BatchProgress, action: list[PlannedStroke]) -> _BatchProgress:
-        memory, _ = execute(
+        memory, measured = execute(
             self.robot, state.scene.tool, action, palette_srgb=self.palette_srgb, memory=state.memory,
             session=self.session,
         )  # fmt: skip
@@ -130,7 +138,9 @@ class _BatchByBatch:
         )  # fmt: skip
         remaining = _copy(state.remaining.pick(slice(self.replan_every, None)))
         photo = observe(self.robot, self.calibration, self.config.pixels_per_m)
-        return _BatchProgress(executed, (*state.photos, photo), state.deviation, remaining, memory, scene)
+        measured_paths = (*state.measured, *measured)
+        photos = (*state.photos, photo)
+        return _BatchProgress(executed, measured_paths, photos, state.deviation, remaining, memory, scene)
 
     def replan(self, state: _BatchProgress, changed: bool) -> _BatchProgress:
         remaining, photo = _copy(state.remaining), state.photos[-1]
@@ -156,14 +166,12 @@ def as_picture(light: Array) -> Image:
     return to_uint8(linear_to_srgb(np.clip(light, 0, 1)))
 
 
-def predict(strokes: Strokes, photo: Image, scene: Scene) -> Array:
+def predict(strokes: PlannedPaths, photo: Image, scene: Scene) -> Array:
     """The canvas after the strokes, sRGB [H, W, 3], predicted from a photograph [H, W, 3]."""
     return linear_to_srgb(render_plan(strokes, as_linear(photo), scene))
 
 
-def replan_rest(
-    remaining: Strokes, photo: Image, scene: Scene, config: PlannerConfig, *, palette_srgb: FloatArray
-) -> Strokes:
+def replan_rest(remaining: S, photo: Image, scene: Scene, config: PlanConfig, *, palette_srgb: FloatArray) -> S:
     """As many strokes as remain, optimised on the canvas as photographed, sRGB [H, W, 3].
 
     A brush leaves gaps where its paint runs low, and no gradient moves a stroke to a gap that it does not touch. With
@@ -276,7 +284,7 @@ def due_for_dip(memory: Memory, tool: Tool) -> Memory:
     return replace(memory, since_reload=max(memory.since_reload, tool.strokes_per_dip)) if tool.dips else memory
 
 
-def _copy(strokes: Strokes) -> Strokes:
+def _copy(strokes: S) -> S:
     """A copy whose inherited state is computed again."""
     copy = strokes.pick(slice(None))
     copy.inherited = None

@@ -38,7 +38,7 @@ from pentimento.control.pictures import PLAN, write_pictures
 from pentimento.control.turn import FOR_A_TURN, note_turn, take_turn, words_in
 from pentimento.control.undo import remember
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
-from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.memory import Start
 from pentimento.robots.tools import needs_dip
 
@@ -287,7 +287,7 @@ class _StrokeByStroke:
         return share is not None and share > _EXECUTED
 
     def _commands(self, strokes: Strokes) -> list[PlannedStroke]:
-        return to_planned(strokes, self.tool, self.context.brush.path_points)
+        return strokes.planned(self.tool, self.context.brush.path_points)
 
 
 def _save_reason(session: PaintingSession, reason: str, error: BaseException) -> None:

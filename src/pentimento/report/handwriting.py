@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,49 +19,60 @@ _BEZIER, _NOBODY = "bezier", "nobody"
 
 
 @dataclass(frozen=True, eq=False)
-class HandwritingInputs:
-    """The outputs of the stages train_trajvae and draw_in_hands."""
+class DrawnInHands:
+    """The output of the stage draw_in_hands for one setting."""
 
-    drawn: dict[str, Any]
-    """metrics.json of the drawings."""
-    learned: dict[str, Any]
-    """metrics.json of TrajVAE."""
+    setting: str
+    metrics: dict[str, Any]
     target: bytes
     """PNG, as all pictures."""
     drawings: dict[str, bytes]
     """By writer, and of Bézier strokes."""
-    strokes: bytes
-    """Demonstrations."""
-    latent_map: bytes
 
     @property
     def hands(self) -> list[str]:
         """In the order of the confusion matrix."""
-        return list(self.drawn["taken_for"]["hands"])
+        return list(self.metrics["taken_for"]["hands"])
 
 
-def read_handwriting(drawings: Path, weights: Path, demonstrations: Path) -> HandwritingInputs:
-    """Read the folders of drawings, of TrajVAE's weights and of the demonstrations.
+@dataclass(frozen=True, eq=False)
+class HandwritingInputs:
+    """The outputs of the stages train_trajvae and draw_in_hands."""
+
+    drawn: list[DrawnInHands]
+    learned: dict[str, Any]
+    """metrics.json of TrajVAE."""
+    strokes: bytes
+    """Demonstrations."""
+    latent_map: bytes
+
+
+def read_handwriting(drawings: Mapping[str, Path], weights: Path, demonstrations: Path) -> HandwritingInputs:
+    """Read the folders of drawings by setting, of TrajVAE's weights and of the demonstrations.
 
     Raises:
         ContractError: metrics or a picture are missing.
     """
     try:
-        drawn = json.loads((drawings / "metrics.json").read_text(encoding="utf-8"))
-        names = [*drawn["taken_for"]["hands"], _BEZIER]
         return HandwritingInputs(
-            drawn=drawn,
+            drawn=[_read_drawn(setting, folder) for setting, folder in drawings.items()],
             learned=json.loads((weights / "metrics.json").read_text(encoding="utf-8")),
-            target=(drawings / "target.png").read_bytes(),
-            drawings={name: (drawings / name / "drawing.png").read_bytes() for name in names},
             strokes=(demonstrations / "strokes.png").read_bytes(),
             latent_map=(weights / "latent_map.png").read_bytes(),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
+        folders = ", ".join(map(str, (*drawings.values(), weights, demonstrations)))
         raise ContractError(
-            f"{drawings}, {weights} and {demonstrations} hold no drawings in handwriting styles ({error}); run the "
-            "stages gather_demonstrations, train_trajvae and draw_in_hands."
+            f"The folders {folders} hold no drawings in handwriting styles ({error}); run the stages "
+            "gather_demonstrations, train_trajvae and draw_in_hands."
         ) from error
+
+
+def _read_drawn(setting: str, folder: Path) -> DrawnInHands:
+    metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+    names = [*metrics["taken_for"]["hands"], _BEZIER]
+    pictures = {name: (folder / name / "drawing.png").read_bytes() for name in names}
+    return DrawnInHands(setting, metrics, (folder / "target.png").read_bytes(), pictures)
 
 
 def handwriting_section(inputs: HandwritingInputs, album: Album) -> Markup:
@@ -70,23 +82,28 @@ def handwriting_section(inputs: HandwritingInputs, album: Album) -> Markup:
         album=album,
         inputs=inputs,
         bezier=_BEZIER,
-        diagonal_min=inputs.drawn["taken_for"]["diagonal_min"],
-        pictures=[("target", inputs.target), *inputs.drawings.items()],
-        confusion_head=["", *(f"classified as “{hand}”" for hand in inputs.hands)],
-        confusion_rows=_confusion_rows(inputs),
-        error_rows=[[hand, *_reconstruction_errors(inputs.learned[hand])] for hand in inputs.hands],
+        settings=[
+            {
+                "drawn": drawn,
+                "pictures": [("target", drawn.target), *drawn.drawings.items()],
+                "confusion_head": ["", *(f"classified as “{hand}”" for hand in drawn.hands)],
+                "confusion_rows": _confusion_rows(drawn),
+            }
+            for drawn in inputs.drawn
+        ],
+        error_rows=[[hand, *_reconstruction_errors(inputs.learned[hand])] for hand in inputs.drawn[0].hands],
     )
 
 
-def _confusion_rows(inputs: HandwritingInputs) -> list[list[str]]:
-    executed = inputs.drawn["taken_for"]["executed"]
+def _confusion_rows(drawn: DrawnInHands) -> list[list[str]]:
+    executed = drawn.metrics["taken_for"]["executed"]
 
     def row(title: str, shares: list[float], own: int | None) -> list[str]:
         cells = [Markup(f"<b>{percent(s)}</b>{bar(s)}") if k == own else percent(s) for k, s in enumerate(shares)]
         return [title, *cells]
 
     return [
-        *(row(f"drawn as “{hand}”", executed[hand], k) for k, hand in enumerate(inputs.hands)),
+        *(row(f"drawn as “{hand}”", executed[hand], k) for k, hand in enumerate(drawn.hands)),
         row("drawn with Bézier strokes", executed[_BEZIER], None),
         row("drawn from random latents", executed[_NOBODY], None),
     ]

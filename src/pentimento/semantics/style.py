@@ -20,7 +20,7 @@ from torch import Tensor
 
 from pentimento.bundle.manifest import MAX_CELLS
 from pentimento.contracts.errors import ContractError
-from pentimento.planning.strokes.config import PlannerConfig, StyleConfig
+from pentimento.planning.strokes.config import PlanConfig, StyleConfig
 from pentimento.planning.strokes.target import fit_to_canvas, load_photograph
 from pentimento.semantics.objective import TorchObjective
 from pentimento.semantics.style_features import LocalFeatures
@@ -144,7 +144,7 @@ class StyleObjective:
         return torch.arange(cells) if cells == count else torch.randperm(cells, generator=self._generator)[:count]
 
 
-def style_of(config: PlannerConfig) -> PictureStyle | None:
+def style_of(config: PlanConfig) -> PictureStyle | None:
     """The style of a planner's objectives for `Scene.style`, or None if it has none."""
     style = config.objectives.style
     return None if style is None else PictureStyle(style, config.seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pentimento.planning.strokes.bezier import Strokes, no_strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.robots.strokes import stroke_points
 from pentimento.robots.tools import load_tool
 from tests.planning.strokes.scenes import same, strokes_at
@@ -26,7 +26,7 @@ def test_bezier_paths_agree_with_robot_strokes() -> None:
 
 def test_to_planned_adds_times_only() -> None:
     strokes = bent(4)
-    for path, planned in zip(strokes.paths(9), to_planned(strokes, load_tool("round_brush"), 9), strict=True):
+    for path, planned in zip(strokes.paths(9), strokes.planned(load_tool("round_brush"), 9), strict=True):
         np.testing.assert_allclose(planned.path[:, 1:4], path[:, 1:4], atol=1e-7)
         assert (np.diff(planned.path[:, 0]) > 0).all()
 

@@ -16,7 +16,7 @@ from pentimento.dynamics.strokes.mechanisms.wet_mixing import WetMixing
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
-from pentimento.planning.strokes.bezier import Strokes, to_planned, with_color
+from pentimento.planning.strokes.bezier import Strokes, with_color
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.memory import (
     Start,
@@ -96,7 +96,7 @@ def test_planned_covariates_equal_those_recorded_in_execution() -> None:
     palette = np.stack([RED, BLUE]).astype(np.float64)
     robot.load_palette(palette)
     session, memory, rows = Session("s", robot.clock_s), fresh_memory(SIZE_M, BRUSH.nominal_width_m), []
-    for stroke in to_planned(strokes, BRUSH, POINTS):
+    for stroke in strokes.planned(BRUSH, POINTS):
         memory, done = execute_stroke(robot, BRUSH, stroke, palette_srgb=palette, memory=memory, session=session)
         rows.append(done.covariates | {"t_start_s": done.event.t_start_s, "order": len(rows)})
     seen = planned_covariates(strokes, BRUSH, brush(), START, names=ALL)
@@ -141,7 +141,7 @@ def test_covariates_continue_from_the_start_state() -> None:
     robot = VirtualRobot(Studio(load_world("round_brush"), 1))
     robot.load_palette(RED[None].astype(np.float64))
     memory, session = START.memory, Session("s", robot.clock_s)
-    for stroke in to_planned(strokes.pick(slice(0, 2)), BRUSH, POINTS):
+    for stroke in strokes.pick(slice(0, 2)).planned(BRUSH, POINTS):
         memory, _ = execute_stroke(
             robot, BRUSH, stroke, palette_srgb=RED[None].astype(np.float64), memory=memory, session=session
         )
@@ -260,7 +260,7 @@ def test_commanded_times_agree_with_the_executed_path() -> None:
     strokes = row_of_strokes(3)
     strokes.length_m[:] = [0.008, 0.02, 0.055]
     paths = commanded(strokes, BRUSH, POINTS)
-    for path, planned in zip(paths, to_planned(strokes, BRUSH, POINTS), strict=True):
+    for path, planned in zip(paths, strokes.planned(BRUSH, POINTS), strict=True):
         assert float(path[-1, 0]) == pytest.approx(planned.path[-1, 0], rel=0.1)
     flat = commanded(strokes, load_tool("flat_brush"), POINTS)
     np.testing.assert_allclose(flat[..., 4], np.full((3, POINTS), np.pi / 2), rtol=1e-6)

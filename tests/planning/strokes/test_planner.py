@@ -11,7 +11,7 @@ from pentimento.contracts.errors import ImageError
 from pentimento.control.safety import envelope_for
 from pentimento.planning.adam import half_cosine
 from pentimento.planning.objectives import PrintObjective
-from pentimento.planning.strokes.bezier import Strokes, to_planned
+from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.config import ExecutionNoise, PlannerConfig
 from pentimento.planning.strokes.descent import descend, optimise
 from pentimento.planning.strokes.families import round_shares
@@ -48,7 +48,7 @@ def test_plan_lowers_the_loss() -> None:
 
 def test_one_sweep_orders_strokes_from_light_to_dark() -> None:
     strokes, palette = plan(WHITE, scene(), 24, replace(CONFIG, sweeps=1), unheard)
-    planned = to_planned(strokes, scene().tool, POINTS)
+    planned = strokes.planned(scene().tool, POINTS)
     paint = [int(np.abs(palette - stroke.color_srgb).sum(1).argmin()) for stroke in planned]
     assert paint == sorted(paint)
     assert max(np.abs(palette[i] - s.color_srgb).max() for i, s in zip(paint, planned, strict=True)) < 1e-5
@@ -63,7 +63,7 @@ def test_planned_strokes_pass_the_safety_envelope() -> None:
     )  # fmt: skip
     wild = Strokes(*(np.array(array, np.float32) for array in arrays))
     wild.keep_within(tool, SIZE_M, 5e-3)
-    for stroke in to_planned(wild, tool, 12):
+    for stroke in wild.planned(tool, 12):
         envelope_for(tool, SIZE_M).check_path(stroke.path)
         assert stroke.path[:, 1:3].min() >= 5e-3 - 1e-6
 

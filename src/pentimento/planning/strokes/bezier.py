@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
+from pentimento.contracts.colour import srgb_to_linear
 from pentimento.contracts.plan import PlannedStroke
-from pentimento.planning.strokes.paths import PlannedPaths, shift_within
+from pentimento.planning.strokes.paths import PlannedPaths, color_of, half_turn, shift_within
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import press_basis, shape_basis, stroke_points
 from pentimento.robots.tools import Tool
@@ -45,10 +45,6 @@ class Strokes(PlannedPaths):
         """All six, in the order of the fields."""
         return (self.middle_m, self.theta_rad, self.length_m, self.bend_m, self.press_m, self.color)
 
-    def colored(self, color: Array) -> Strokes:
-        """The same strokes in other colours, linear light [S, 3]. The other arrays are shared."""
-        return replace(self, color=color)
-
     def paths(self, points: int) -> Array:
         """See ``PlannedPaths``; ``planning.strokes.memory.commanded`` adds times and yaw."""
         path = np.zeros((len(self), points, 5), np.float32)
@@ -70,6 +66,20 @@ class Strokes(PlannedPaths):
         np.clip(self.color, 0.0, 1.0, out=self.color)
         shift_within(self._places(_BOX_POINTS), self.middle_m, canvas_size_m, edge_m)
 
+    def planned(self, tool: Tool, points: int) -> list[PlannedStroke]:
+        """See ``PlannedPaths``."""
+        planned = []
+        for i in range(len(self)):
+            middle, theta, length, bend, press, color = (array[i].astype(np.float64) for array in self.arrays())
+            yaw = half_turn(float(theta) + np.pi / 2) if tool.kind == "flat" else 0.0
+            xyz_yaw = stroke_points(
+                middle, float(theta), float(length), bend_m=float(bend), press_m=press, yaw_rad=yaw,
+                points=points,
+            )  # fmt: skip
+            path = timed_path(xyz_yaw, tool.speed_m_s)
+            planned.append(PlannedStroke(path, color_of(tool, color), dip=False))
+        return planned
+
     def _places(self, points: int) -> tuple[Array, Array]:
         """Canvas coordinates along the paths, [S, N] each."""
         basis = _basis(points)
@@ -88,26 +98,6 @@ def with_color(strokes: Strokes, color_srgb: Array) -> Strokes:
     return strokes.colored(srgb_to_linear(color_srgb))
 
 
-def to_planned(strokes: Strokes, tool: Tool, points: int) -> list[PlannedStroke]:
-    """The strokes as timed paths that the robot executes at the tool's speed. The executor adds the dips."""
-    planned = []
-    for i in range(len(strokes)):
-        middle, theta, length, bend, press, color = (array[i].astype(np.float64) for array in strokes.arrays())
-        yaw = float(theta) + np.pi / 2 if tool.kind == "flat" else 0.0
-        xyz_yaw = stroke_points(
-            middle,
-            float(theta),
-            float(length),
-            bend_m=float(bend),
-            press_m=press,
-            yaw_rad=_half_turn(yaw),
-            points=points,
-        )
-        srgb = linear_to_srgb(color) if tool.color_srgb is None else np.array(tool.color_srgb)
-        planned.append(PlannedStroke(timed_path(xyz_yaw, tool.speed_m_s), np.clip(srgb, 0, 1), dip=False))
-    return planned
-
-
 class _Basis(NamedTuple):
     """Basis functions of the strokes' geometry at N points."""
 
@@ -123,8 +113,3 @@ class _Basis(NamedTuple):
 def _basis(points: int) -> _Basis:
     along, across = (function.astype(np.float32) for function in shape_basis(points))
     return _Basis(along, across, press_basis(points).astype(np.float32))
-
-
-def _half_turn(yaw_rad: float) -> float:
-    """The equivalent yaw of a flat tool within a quarter turn of 0."""
-    return float((yaw_rad + np.pi / 2) % np.pi - np.pi / 2)

@@ -101,5 +101,7 @@ class PathBrush(Brush, Protocol):
 
     def path_marks(
         self, paths: Array, color: Array, inherited: Mapping[str, Array]
-    ) -> tuple[Marks, Callable[[Marks], Array]]:
-        """What commanded paths [S, N, 5] in colours [S, 3] leave, and the pull-back to ∂loss/∂paths [S, N, 5]."""
+    ) -> tuple[Marks, Callable[[Marks], tuple[Array, Array]]]:
+        """What commanded paths [S, N, 5] in colours [S, 3] leave, and the pull-back to ∂loss/∂paths [S, N, 5] and
+        ∂loss/∂colours [S, 3].
+        """

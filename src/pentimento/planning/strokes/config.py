@@ -46,13 +46,15 @@ class ShapeRates:
     press_m: float
     shape: float
     """In standard deviations of the shapes' parameters; 0 leaves the shapes as they were sampled."""
+    color: float
+    """As for Bézier strokes."""
 
     def __post_init__(self) -> None:
-        at_least(self, 0, "middle_m", "theta_rad", "press_m", "shape")
+        at_least(self, 0, "middle_m", "theta_rad", "press_m", "shape", "color")
 
     def steps(self) -> tuple[float, ...]:
-        """In the order of ``ShapedStrokes.arrays``. The colour is the tool's ink and stays."""
-        return (self.shape, self.middle_m, self.theta_rad, self.press_m, 0.0)
+        """In the order of ``ShapedStrokes.arrays``."""
+        return (self.shape, self.middle_m, self.theta_rad, self.press_m, self.color)
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,13 @@ class ShapedPlanConfig:
     """Rounds in which strokes are added."""
     iterations_per_round: int
     iterations: int
-    """After the last round."""
+    """After the last round, with free colours."""
+    iterations_palette: int
+    """After the colours became paints and the strokes were ordered."""
+    iterations_replan: int
+    """After each photograph."""
+    replan_rate: float
+    """Share of the learning rates that replanning uses."""
     relocate_every: int
     """Iterations between two relocations of useless strokes; 0 for never."""
     relocate_share: float
@@ -225,6 +233,9 @@ class ShapedPlanConfig:
     max_latent_distance: float
     """Largest distance of a stroke's latent from the demonstration that it started from, in standard deviations of the
     writer's latents."""
+    palette: PaletteChoice
+    sweeps: int
+    """As for Bézier strokes."""
     path_points: int
     """N, of the demonstrations and of each path."""
     pixels_per_m: float
@@ -232,22 +243,25 @@ class ShapedPlanConfig:
     """Distance that strokes keep from the canvas's edge."""
     distances_px: tuple[int, ...]
     """Viewing distances of the print objective."""
+    objectives: ObjectivesConfig
     learning_rates: ShapeRates
     seed: int
 
-    objectives: ClassVar[ObjectivesConfig] = PRINT_ALONE
     execution_noise: ClassVar[ExecutionNoise] = ExecutionNoise(0.0, 0.0)
     min_gain_per_stroke: ClassVar[None] = None
     coarse_first: ClassVar[bool] = False
     keep_best: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        at_least(self, 1, "candidates", "rounds")
+        at_least(self, 1, "candidates", "rounds", "sweeps")
         at_least(
             self,
             0,
             "iterations_per_round",
             "iterations",
+            "iterations_palette",
+            "iterations_replan",
+            "replan_rate",
             "relocate_every",
             "relocate_share",
             "max_latent_distance",

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.colour import srgb_to_linear
 from pentimento.planning.strokes.bezier import Strokes, no_strokes, with_color
-from pentimento.planning.strokes.config import PlannerConfig, ShapedPlanConfig
+from pentimento.planning.strokes.config import PlanConfig, PlannerConfig, ShapedPlanConfig
 from pentimento.planning.strokes.initialise import (
     HEADING_SPREAD_RAD,
     best_of,
@@ -18,6 +17,8 @@ from pentimento.planning.strokes.initialise import (
     guided_strokes,
     places_of_error,
     random_strokes,
+    tone_along,
+    tones,
 )
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.scene import Scene
@@ -135,8 +136,8 @@ class ShapedFamily:
         self, count: int, image: Array, scene: Scene, *, distances_px: tuple[int, ...], progress: float,
         paints: FloatArray | None, rng: np.random.Generator,
     ) -> tuple[ShapedStrokes, FloatArray]:  # fmt: skip
-        """Random shapes in the tool's own ink: half of the candidates run along the target's edges, half anywhere."""
-        del progress, paints  # sizes are those of the shapes, and the only paint is the tool's ink
+        """Random shapes: half of the candidates run along the target's edges, half anywhere."""
+        del progress  # sizes are those of the shapes
         if count == 0:
             return self.none(), np.zeros(0)
         tries = self.config.candidates
@@ -148,9 +149,10 @@ class ShapedFamily:
         heading = np.where(number[:, None] % 2 == 1, anywhere, along + rng.normal(0, HEADING_SPREAD_RAD, shape))
         aside = rng.normal(0, 0.1 * extent_px / scene.pixels_per_m, (*shape, 2)) * (number > 0)[:, None, None]
         press = np.repeat(rng.uniform(*scene.tool.press_range_m, tries * count)[:, None], 3, axis=1)
-        ink = np.tile(srgb_to_linear(np.array(scene.tool.color_srgb, np.float32)), (tries * count, 1))
-        tried = self._strokes(parameters, (middle + aside).reshape(-1, 2), heading.ravel(), press_m=press, color=ink)
+        color = np.zeros((tries * count, 3))
+        tried = self._strokes(parameters, (middle + aside).reshape(-1, 2), heading.ravel(), press_m=press, color=color)
         tried.keep_within(scene.tool, scene.canvas_size_m, self.config.edge_m)
+        tried.color = tone_along(tried.placed()[0], tones(scene), scene, paints).astype(np.float32)
         return best_of(tried, tries, image, scene, distances_px)
 
     def _strokes(
@@ -161,6 +163,15 @@ class ShapedFamily:
         return ShapedStrokes(
             self.shapes, self.config.max_latent_distance, parameters, parameters.copy(), middle, theta, press, linear
         )  # fmt: skip
+
+
+def family_of(strokes: S, config: PlanConfig) -> PathFamily[S]:
+    """The family of some strokes, for relocating them."""
+    if isinstance(strokes, ShapedStrokes):
+        assert isinstance(config, ShapedPlanConfig)
+        return cast("PathFamily[S]", ShapedFamily(config, strokes.shapes, ink_m=0.0, mean_length_m=0.0))
+    assert isinstance(config, PlannerConfig)
+    return cast("PathFamily[S]", BezierFamily(config, len(strokes)))
 
 
 def shaped_family(shapes: Shapes, ink_m: float, config: ShapedPlanConfig, rng: np.random.Generator) -> ShapedFamily:

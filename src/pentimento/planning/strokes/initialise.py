@@ -29,6 +29,8 @@ S = TypeVar("S", bound=PlannedPaths)
 
 _LOG_SPREAD = 0.6
 """Standard deviation of the logarithm of a candidate's length and press, relative to the round's."""
+_TONE_POINTS = 7
+"""Points of a path from whose inner ones a Bézier stroke takes its colour."""
 HEADING_SPREAD_RAD = 0.15
 """Standard deviation of a candidate's heading about the target's edge."""
 
@@ -62,14 +64,14 @@ def guided_strokes(
     wide_px = max(tool.nominal_width_m * k, 1.0)
     length: float = tool.stroke_length_m[0] + size * (tool.stroke_length_m[1] - tool.stroke_length_m[0]) * 0.7
     press: float = tool.press_range_m[0] + size * (tool.press_range_m[1] - tool.press_range_m[0]) * 0.8
-    tone = np.asarray(cv2.GaussianBlur(target, (0, 0), max(wide_px / 4, 0.6)), dtype=np.float64)
+    tone = tones(scene)
     wanted = error_map(canvas, scene)
     if config.initialisation == "saliency":
         wanted = wanted * saliency(target)
     middle, along = places_of_error(wanted, count, np.sqrt(length * k * wide_px) / 2, scene, rng)
     tried = _candidates(config.candidates, middle, along, length=length, press=press, tool=tool, rng=rng)
     tried.keep_within(tool, scene.canvas_size_m, config.edge_m)
-    tried.color = _tone_along(tried, tone, scene, paints).astype(np.float32)
+    tried.color = tone_along(tried.paths(_TONE_POINTS), tone, scene, paints).astype(np.float32)
     # All candidates for one place have the same position in the plan.
     inherits = inherit(tried.pick(slice(0, count)), scene)
     tried.inherited = {name: np.tile(values, config.candidates) for name, values in inherits.items()}
@@ -163,12 +165,22 @@ def _candidates(
     )  # fmt: skip
 
 
-def _tone_along(strokes: Strokes, tone: FloatArray, scene: Scene, paints: FloatArray | None) -> FloatArray:
-    """[S, 3] mean colour of ``tone`` under each stroke, linear light; the nearest paint, where there are paints."""
+def tones(scene: Scene) -> FloatArray:
+    """The target's colours at the scale of a stroke, linear light [H, W, 3]."""
+    wide_px = max(scene.tool.nominal_width_m * scene.pixels_per_m, 1.0)
+    target = scene.target.astype(np.float64)
+    return np.asarray(cv2.GaussianBlur(target, (0, 0), max(wide_px / 4, 0.6)), dtype=np.float64)
+
+
+def tone_along(paths: Array, tone: FloatArray, scene: Scene, paints: FloatArray | None) -> FloatArray:
+    """[S, 3] mean colour of ``tone`` under each path [S, N, 5], linear light; the nearest paint where there are paints.
+
+    A tool with its own ink has that colour.
+    """
     if scene.tool.color_srgb is not None:
         ink = srgb_to_linear(np.array(scene.tool.color_srgb, dtype=np.float64))
-        return np.zeros((len(strokes), 3)) + ink
-    path = strokes.paths(7)[:, 1:-1, 1:3]
+        return np.zeros((len(paths), 3)) + ink
+    path = paths[:, 1:-1, 1:3]
     height, width = tone.shape[:2]
     k = scene.pixels_per_m
     columns = np.clip(path[..., 0] * k, 0, width - 1).astype(int)

@@ -10,14 +10,14 @@ show least are ignored.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_lab, srgb_to_linear
 from pentimento.contracts.errors import ConfigError
-from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.config import PlanConfig
 from pentimento.planning.strokes.palette import (
     PaletteChoice,
     light_first,
@@ -25,6 +25,7 @@ from pentimento.planning.strokes.palette import (
     picture_palette,
     salient_palette,
 )
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.render_plan import coverages, render_and_back, render_plan
 from pentimento.planning.strokes.scene import Scene, objective_for
 from pentimento.render.coverage import compiled
@@ -34,6 +35,7 @@ Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+S = TypeVar("S", bound=PlannedPaths)
 
 _COVER_PX = 80
 """Width of the picture in which overlaps of strokes are measured."""
@@ -60,7 +62,7 @@ class Paints:
         """[K, 3]."""
         return np.clip(linear_to_srgb(self.linear.astype(np.float64)), 0.0, 1.0)
 
-    def dipped(self, strokes: Strokes) -> Strokes:
+    def dipped(self, strokes: S) -> S:
         """The strokes in the colours of their paints."""
         return strokes.colored(self.linear[self.index])
 
@@ -76,7 +78,7 @@ def check_palette(choice: PaletteChoice, tool: Tool) -> None:
         raise ConfigError(f"The palette's source is {choice.source}, but the {tool.name} brings {brings}.")
 
 
-def choose_paints(strokes: Strokes, scene: Scene, choice: PaletteChoice, seed: int) -> Paints:
+def choose_paints(strokes: PlannedPaths, scene: Scene, choice: PaletteChoice, seed: int) -> Paints:
     """The paints of ``choice``, and for each stroke the one nearest to its colour in L*a*b*."""
     colors, fixed = linear_to_srgb(strokes.color).astype(np.float64), None
     match choice.source:
@@ -96,7 +98,7 @@ def choose_paints(strokes: Strokes, scene: Scene, choice: PaletteChoice, seed: i
     return Paints(linear if choice.source == "given" else np.maximum(linear, np.float32(DARKEST)), index, fixed)
 
 
-def in_order(strokes: Strokes, paints: Paints, scene: Scene, config: PlannerConfig) -> tuple[Strokes, Paints]:
+def in_order(strokes: S, paints: Paints, scene: Scene, config: PlanConfig) -> tuple[S, Paints]:
     """The strokes in the order of painting, and the paints from light to dark; see ``sweep_order``."""
     palette = paints.srgb()
     by_light = np.argsort(-srgb_to_lab(palette)[:, 0], kind="stable")
@@ -108,9 +110,7 @@ def in_order(strokes: Strokes, paints: Paints, scene: Scene, config: PlannerConf
     return ordered, Paints(srgb_to_linear(light.astype(np.float32)), index[order], paints.fixed[by_light])
 
 
-def repaint(
-    strokes: Strokes, paints: Paints, canvas: Array, scene: Scene, *, config: PlannerConfig
-) -> tuple[Strokes, Paints]:
+def repaint(strokes: S, paints: Paints, canvas: Array, scene: Scene, *, config: PlanConfig) -> tuple[S, Paints]:
     """Change the paint of strokes where that lowers the objective.
 
     The effect of a change is predicted to second order from the objective's gradient and from the visible area of the

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.colour import linear_to_srgb
+from pentimento.contracts.plan import PlannedStroke
 from pentimento.robots.tools import Tool
 
 if TYPE_CHECKING:
@@ -60,6 +62,16 @@ class PlannedPaths(ABC):
     def keep_within(self, tool: Tool, canvas_size_m: tuple[float, float], edge_m: float) -> None:
         """Move each stroke, in place, to the nearest one that the tool can make inside the canvas."""
 
+    @abstractmethod
+    def planned(self, tool: Tool, points: int) -> list[PlannedStroke]:
+        """The strokes as timed paths of ``points`` points that the robot executes at the tool's speed, in their own
+        colours, or in the tool's ink. The executor adds the dips.
+        """
+
+    def colored(self, color: Array) -> Self:
+        """The same strokes in other colours, linear light [S, 3]. The other arrays are shared."""
+        return self._with({"color": color}, self.inherited)
+
     def pick(self, index: Index) -> Self:
         """A copy of some strokes, in the order of ``index``, with their inherited covariates."""
         kept = None if self.inherited is None else {name: values[index] for name, values in self.inherited.items()}
@@ -76,6 +88,16 @@ class PlannedPaths(ABC):
             setattr(strokes, name, values)
         strokes.inherited = inherited
         return strokes
+
+
+def color_of(tool: Tool, linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The colour of a stroke, sRGB [3]: its own, from linear light, or that of the tool's ink."""
+    return np.clip(linear_to_srgb(linear), 0, 1) if tool.color_srgb is None else np.array(tool.color_srgb)
+
+
+def half_turn(yaw_rad: float) -> float:
+    """The equivalent yaw of a flat tool within a quarter turn of 0."""
+    return float((yaw_rad + np.pi / 2) % np.pi - np.pi / 2)
 
 
 def shift_within(places: tuple[Array, ...], middle_m: Array, canvas_size_m: tuple[float, float], edge_m: float) -> None:

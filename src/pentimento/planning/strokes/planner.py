@@ -8,7 +8,7 @@ latents.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar, cast
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from pentimento.planning.adam import half_cosine
 from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.planning.strokes.config import PRINT_ALONE, Log, PlanConfig, PlannerConfig, ShapedPlanConfig
 from pentimento.planning.strokes.descent import optimise
-from pentimento.planning.strokes.families import BezierFamily, PathFamily, shaped_family
+from pentimento.planning.strokes.families import BezierFamily, PathFamily, family_of, shaped_family
 from pentimento.planning.strokes.lines import line_strokes
 from pentimento.planning.strokes.paints import Paints, check_palette, choose_paints, in_order, repaint
 from pentimento.planning.strokes.paths import PlannedPaths
@@ -85,16 +85,8 @@ def plan(canvas: Array, scene: Scene, count: int, config: PlannerConfig, log: Lo
     check_palette(config.palette, scene.tool)
     rng = np.random.default_rng([config.seed, 0])
     strokes = free_plan(canvas, scene, count, config, rng=rng, log=log)
-    if scene.tool.color_srgb is not None:
-        return strokes, np.array([scene.tool.color_srgb])
-    paints = choose_paints(strokes, scene, config.palette, config.seed)
-    draft = Draft(*in_order(paints.dipped(strokes), paints, scene, config))
-    done = config.rounds * config.iterations_per_round + config.iterations_free
     planner = Planner(canvas, scene, config, BezierFamily(config, count), rng, log)
-    draft = _in_stretches(planner, draft, config.iterations_palette, rate=_PAINT_RATE, done=done)
-    assert draft.paints is not None
-    strokes, paints = in_order(draft.strokes, draft.paints, scene, config)
-    return strokes, paints.srgb()
+    return _in_paints(planner, strokes, config.rounds * config.iterations_per_round + config.iterations_free)
 
 
 def free_plan(
@@ -120,18 +112,18 @@ def free_plan(
 
 def plan_shapes(
     canvas: Array, scene: Scene, shapes: Shapes, ink_m: float, *, config: ShapedPlanConfig, log: Log
-) -> ShapedStrokes:
-    """Strokes of one kind of shape in the order of execution, for a tool with its own ink: about ``ink_m`` of line.
+) -> tuple[ShapedStrokes, FloatArray]:
+    """Strokes of one kind of shape in the order of execution, about ``ink_m`` of line, and their palette, sRGB [K, 3]
+    from light to dark.
 
     Kinds of shape are compared at equal length of line, since a hundred dots are less than a hundred arcs. The last
     iterations may change the length a little. ``log("objective", value, iteration)`` is called at every iteration.
 
     Raises:
-        ConfigError: the tool takes paints, the brush takes Bézier strokes only, or brush, shapes and configuration
-            differ in the number of points.
+        ConfigError: the palette does not fit the tool, the brush takes Bézier strokes only, or brush, shapes and
+            configuration differ in the number of points.
     """
-    if scene.tool.color_srgb is None:
-        raise ConfigError(f"Shaped strokes need a tool with its own ink; the {scene.tool.name} takes paints.")
+    check_palette(config.palette, scene.tool)
     if not shapes.points == scene.brush.path_points == config.path_points:
         raise ConfigError(
             f"Shapes of {shapes.points} points, a brush of {scene.brush.path_points} and path_points = "
@@ -139,23 +131,40 @@ def plan_shapes(
         )
     rng = np.random.default_rng([config.seed, 21])
     planner = Planner(canvas, scene, config, shaped_family(shapes, ink_m, config, rng), rng, log)
-    draft, done = Draft(_in_rounds(planner, planner.family.none()), None), config.rounds * config.iterations_per_round
-    return _in_stretches(planner, draft, config.iterations, rate=1.0, done=done).strokes
+    first = replace(planner, config=replace(config, objectives=PRINT_ALONE))
+    draft, done = Draft(_in_rounds(first, planner.family.none()), None), config.rounds * config.iterations_per_round
+    strokes = _in_stretches(planner, draft, config.iterations, rate=1.0, done=done).strokes
+    return _in_paints(planner, strokes, done + config.iterations)
 
 
-def relocated(
-    strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig, *, palette_srgb: FloatArray
-) -> Strokes:
+def relocated(strokes: S, canvas: Array, scene: Scene, config: PlanConfig, *, palette_srgb: FloatArray) -> S:
     """The strokes with useless ones relocated in these paints, sRGB [K, 3]: on top, from light to dark.
 
     The others keep their order, for which they were optimised.
     """
     paints = srgb_to_linear(np.asarray(palette_srgb, dtype=np.float64))
-    family, rng = BezierFamily(config, len(strokes)), np.random.default_rng([config.seed, 6, scene.start.made])
+    family, rng = family_of(strokes, config), np.random.default_rng([config.seed, 6, scene.start.made])
     moved, count = relocate(strokes, canvas, scene, config=config, family=family, paints=paints, rng=rng)
     on_top = moved.color[len(moved) - count :].mean(1)
     order = np.argsort(-on_top, kind="stable") + len(moved) - count
     return moved.pick(np.concatenate([np.arange(len(moved) - count), order]))
+
+
+def _in_paints(planner: Planner[S], strokes: S, done: int) -> tuple[S, FloatArray]:
+    """Strokes in free colours painted in few paints, and these, sRGB [K, 3]; a tool with ink keeps it.
+
+    Args:
+        done: iterations before these, for ``log``.
+    """
+    scene, config = planner.scene, planner.config
+    if scene.tool.color_srgb is not None:
+        return strokes, np.array([scene.tool.color_srgb])
+    paints = choose_paints(strokes, scene, config.palette, config.seed)
+    draft = Draft(*in_order(paints.dipped(strokes), paints, scene, config))
+    draft = _in_stretches(planner, draft, config.iterations_palette, rate=_PAINT_RATE, done=done)
+    assert draft.paints is not None
+    strokes, paints = in_order(draft.strokes, draft.paints, scene, config)
+    return strokes, paints.srgb()
 
 
 def _in_rounds(planner: Planner[S], strokes: S) -> S:
@@ -198,8 +207,7 @@ def _in_stretches(planner: Planner[S], draft: Draft[S], iterations: int, *, rate
     if iterations == 0:
         return draft
     config, tool, coarse = planner.config, planner.scene.tool, planner.coarse()
-    own_paints = isinstance(config, PlannerConfig) and config.palette.source == "plan"
-    free = tool.color_srgb is None and (draft.paints is None or own_paints)
+    free = tool.color_srgb is None and (draft.paints is None or config.palette.source == "plan")
     places = config.objectives.print_weight > 0  # the other objectives do not say where a single stroke belongs
     every = config.relocate_every or max(iterations // 4, 1)
     starts = list(range(0, max(iterations - every // 2, 1), every))
@@ -224,8 +232,6 @@ def _repaired(planner: Planner[S], draft: Draft[S]) -> Draft[S]:
     )
     if paints is None:
         return Draft(strokes, None)
-    assert isinstance(strokes, Strokes) and isinstance(config, PlannerConfig)  # only Bézier strokes take paints
     index = np.square(strokes.color[:, None] - paints.linear).sum(-1).argmin(1)
     repainted, paints = repaint(strokes, replace(paints, index=index), canvas, scene, config=config)
-    ordered, paints = in_order(repainted, paints, scene, config)
-    return Draft(cast("S", ordered), paints)
+    return Draft(*in_order(repainted, paints, scene, config))

@@ -17,7 +17,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.strokes.brush import Brush, Marks, PathBrush
 from pentimento.planning.strokes.memory import add_times_and_yaw
-from pentimento.planning.strokes.paths import PlannedPaths, shift_within
+from pentimento.planning.strokes.paths import PlannedPaths, color_of, half_turn, shift_within
 from pentimento.robots.motion import timed_path
 from pentimento.robots.strokes import press_basis, shape_basis
 from pentimento.robots.tools import Tool
@@ -27,7 +27,7 @@ Array = NDArray[np.float32]
 ShapePull = Callable[[Array], Array]
 """From ∂loss/∂paths [S, N, 2] to ∂loss/∂parameters [S, P]."""
 PathPull = Callable[[Array], tuple[Array, ...]]
-"""From ∂loss/∂paths [S, N, 5] to the gradient of each of ``ShapedStrokes.arrays``."""
+"""From ∂loss/∂paths [S, N, 5] to the gradient of each of ``ShapedStrokes.arrays`` but the colour."""
 
 _MIN_STEP_M = 1e-6
 """Points of a path nearer than this are merged: the robot's clock cannot tell them apart."""
@@ -145,7 +145,6 @@ class ShapedStrokes(PlannedPaths):
                 np.stack([of_x.sum(1), of_y.sum(1)], axis=-1),
                 (of_y * x - of_x * y).sum(1),
                 -np.asarray(of_path[..., 3] @ basis, dtype=np.float32),
-                np.zeros_like(self.color),
             )
 
         return path, pull
@@ -160,21 +159,31 @@ class ShapedStrokes(PlannedPaths):
             raise ConfigError("Strokes of any shape need a brush with path_marks; this one takes Bézier strokes only.")
         path, pull_path = self.placed()
         marks, pull = brush.path_marks(add_times_and_yaw(path, self.theta_rad, brush.tool), self.color, inherited)
-        return marks, lambda of_marks: pull_path(pull(of_marks))
+
+        def pull_all(of_marks: Marks) -> tuple[Array, ...]:
+            of_path, of_color = pull(of_marks)
+            return (*pull_path(of_path), of_color)
+
+        return marks, pull_all
+
+    def planned(self, tool: Tool, points: int) -> list[PlannedStroke]:
+        """See ``PlannedPaths``.
+
+        Raises:
+            ValueError: the shapes have another number of points.
+        """
+        commanded = add_times_and_yaw(self.paths(points), self.theta_rad, tool).astype(np.float64)
+        planned = []
+        for path, color in zip(commanded, self.color.astype(np.float64), strict=True):
+            path[:, 4] = half_turn(float(path[0, 4]))
+            apart = np.append(True, np.linalg.norm(np.diff(path[:, 1:4], axis=0), axis=1) > _MIN_STEP_M)
+            planned.append(PlannedStroke(timed_path(path[apart, 1:], tool.speed_m_s), color_of(tool, color), dip=False))
+        return planned
 
     def keep_within(self, tool: Tool, canvas_size_m: tuple[float, float], edge_m: float) -> None:
         """See ``PlannedPaths``. The shapes are constrained, too."""
         self.shapes.constrain(self.parameters, self.start, self.reach)
         np.clip(self.press_m, *tool.press_range_m, out=self.press_m)
+        np.clip(self.color, 0.0, 1.0, out=self.color)
         path = self.placed()[0]
         shift_within((path[..., 1], path[..., 2]), self.middle_m, canvas_size_m, edge_m)
-
-
-def planned_strokes(strokes: ShapedStrokes, tool: Tool) -> list[PlannedStroke]:
-    """The strokes as timed paths that the robot executes at the tool's speed, in the tool's own ink."""
-    planned = []
-    for path in strokes.placed()[0].astype(np.float64):
-        apart = np.append(True, np.linalg.norm(np.diff(path[:, 1:4], axis=0), axis=1) > _MIN_STEP_M)
-        timed = timed_path(path[apart, 1:], tool.speed_m_s)
-        planned.append(PlannedStroke(timed, np.array(tool.color_srgb), dip=False))
-    return planned
