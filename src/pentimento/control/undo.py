@@ -16,12 +16,14 @@ from typing import Final
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
-from pentimento.control.checkpoint import PaintingState, copy_state, load_state, save_state
+from pentimento.control.checkpoint import PaintingState, copy_state, has_state, load_state, save_state
 from pentimento.control.open_robot import JOURNAL
 from pentimento.control.recording import RECORD, remove_shards
 
 UNDO: Final = "undo"
 """Folder of the checkpoints before the robot's batches since the person's last turn."""
+
+_END: Final = "end"  # file of the journal's length and the number of the recording's next file
 
 
 def remember(folder: Path, executed: int, shard: int) -> None:
@@ -34,13 +36,17 @@ def remember(folder: Path, executed: int, shard: int) -> None:
         if number >= executed:  # the robot went back further than to that batch
             shutil.rmtree(kept)
     place = folder / UNDO / f"{executed:05d}"
-    atomic_write(place / "end", f"{(folder / JOURNAL).stat().st_size} {shard}".encode())
+    atomic_write(place / _END, f"{(folder / JOURNAL).stat().st_size} {shard}".encode())
     copy_state(folder, place)
 
 
 def forget(folder: Path) -> None:
     """The person's turn has changed the sheet or the plan: the batches before it can no longer be undone."""
-    shutil.rmtree(folder / UNDO, ignore_errors=True)
+    gone = folder / f".{UNDO}.old"
+    shutil.rmtree(gone, ignore_errors=True)  # of a removal that was killed
+    if (folder / UNDO).exists():
+        (folder / UNDO).rename(gone)
+        shutil.rmtree(gone)
 
 
 def can_undo(folder: Path, state: PaintingState) -> bool:
@@ -60,7 +66,7 @@ def take_back(folder: Path) -> PaintingState:
     """Bring journal, recording and checkpoint back to before the last batch. No robot may be open on the journal."""
     now = load_state(folder)
     number, kept = max((number, kept) for number, kept in _kept(folder) if number < now.executed)
-    journal_bytes, shard = (int(value) for value in (kept / "end").read_text().split())
+    journal_bytes, shard = (int(value) for value in (kept / _END).read_text().split())
     with (folder / JOURNAL).open("r+b") as journal:
         journal.truncate(journal_bytes)
         os.fsync(journal.fileno())
@@ -74,5 +80,6 @@ def take_back(folder: Path) -> PaintingState:
 
 
 def _kept(folder: Path) -> list[tuple[int, Path]]:
-    """The checkpoints before batches, each with its number of executed strokes."""
-    return sorted((int(place.name), place) for place in (folder / UNDO).glob("*") if (place / "state.npz").is_file())
+    """The checkpoints before batches, each with its number of executed strokes; without those half removed."""
+    found = (place for place in (folder / UNDO).glob("*") if (place / _END).is_file() and has_state(place))
+    return sorted((int(place.name), place) for place in found)
