@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +28,28 @@ def heard_in(file: Path, bundle: Path, model: Path | None) -> str:
 
     recording = read_recording(file)
     return listener_for(open_bundle(bundle).vocabulary, model)(recording)
+
+
+def page_listener(bundle: Path, model: Path | None) -> Callable[[bytes], str] | None:
+    """From a WAV file's content to the wish in it, for the page; None where nothing that listens is installed.
+
+    The recogniser is loaded when it is needed first; a model in a folder at once.
+
+    Raises:
+        ConfigError, BundleError: as `heard_in`.
+    """
+    if model is None and find_spec("pocketsphinx") is None:
+        return None
+    from pentimento.bundle.reader import open_bundle
+    from pentimento.sound.recording import recording_of
+
+    @cache
+    def listener() -> Listener:
+        return listener_for(open_bundle(bundle).vocabulary, model)
+
+    if model is not None:
+        listener()
+    return lambda content: listener()(recording_of(content, "The recording"))
 
 
 def listener_for(vocabulary: Vocabulary | None, model: Path | None) -> Listener:

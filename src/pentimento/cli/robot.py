@@ -77,7 +77,7 @@ def _run(arguments: argparse.Namespace) -> None:
     wish = text if arguments.resume is not None else ""
     _paint(
         commission, folder, calibration=arguments.calibration, has_page=arguments.page, turns=turns, wish=wish,
-        resume=arguments.resume is not None,
+        resume=arguments.resume is not None, sound_model=arguments.sound_model,
     )  # fmt: skip
 
 
@@ -110,8 +110,10 @@ def _paint(
     turns: Turns,
     wish: str = "",
     resume: bool = False,
+    sound_model: Path | None = None,
 ) -> None:
     """Paint, and print how it ended and how to go on."""
+    from pentimento.cli.listening import page_listener
     from pentimento.control.checkpoint import has_state
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
     from pentimento.control.run import run
@@ -126,6 +128,7 @@ def _paint(
             state = run(
                 commission, folder, resume=resume, calibration=calibration, ask=keyboard.ask,
                 page=_print_address if has_page else None, control=control, progress=progress, turns=turns, wish=wish,
+                listen=page_listener(Path(commission.bundle), sound_model) if has_page else None,
             )  # fmt: skip
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
         if has_state(folder) and not isinstance(error, ContractError):  # a damaged state cannot be resumed
@@ -147,7 +150,7 @@ def _studio(arguments: argparse.Namespace) -> None:
         seed=arguments.seed,
     )  # fmt: skip
     _paint(
-        commission, folder, calibration=Path("calibration"), has_page=True,
+        commission, folder, calibration=Path("calibration"), has_page=True, sound_model=arguments.sound_model,
         turns=Turns(in_turns=True, choices=_STUDIO_CHOICES),
     )  # fmt: skip
 
@@ -326,6 +329,7 @@ COMMANDS = (
             option(
                 "--strokes", type=count, metavar="N", help="maximum in a turn of the robot's; by default the setting's"
             ),
+            option("--sound-model", **_SOUND_MODEL),
             option("--seed", type=seed, metavar="N", help="of plans, goals and studio; by default the setting's"),
             option("--out", type=Path, metavar="FOLDER", help="a new folder for the painting; by default its time"),
         ),

@@ -220,14 +220,14 @@ def _named(said: str, nouns: Mapping[str, Named]) -> Named | None:
     found = nouns.get(spaced)
     if found is not None:
         return Named(said, found.noun, found.is_plural, found.is_taught)
-    for singular in _singulars(spaced):
+    for singular in singulars(spaced):
         found = nouns.get(singular)
         if found is not None and not found.is_plural:
             return Named(said, found.noun, True, found.is_taught)
     return None
 
 
-def _singulars(word: str) -> Iterator[str]:
+def singulars(word: str) -> Iterator[str]:
     """What a word may be the plural of."""
     for end, singular in (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""), ("men", "man")):
         if word.endswith(end) and len(word) > len(end) + 2:
