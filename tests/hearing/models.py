@@ -31,7 +31,8 @@ def write_whisper(folder: Path) -> Path:
     words = _bytes("<|endoftext|>", "<|startoftranscript|>", "<|notimestamps|>", "<|nospeech|>")
     torch.manual_seed(0)
     config = WhisperConfig(
-        vocab_size=len(words), num_mel_bins=16, d_model=16, encoder_layers=1, decoder_layers=1, encoder_attention_heads=2,
+        vocab_size=len(words), num_mel_bins=16, d_model=16, encoder_layers=1, decoder_layers=1,
+        encoder_attention_heads=2,
         decoder_attention_heads=2, encoder_ffn_dim=16, decoder_ffn_dim=16, max_target_positions=128,
         pad_token_id=0, bos_token_id=0, eos_token_id=0, decoder_start_token_id=1, suppress_tokens=None,
         begin_suppress_tokens=None,

@@ -117,8 +117,11 @@ class _Clause:
     items: tuple[Item, ...]
 
 
-def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
+def understand(words: str, vocabulary: Vocabulary | None, *, near: bool = True) -> Understood:
     """A person's request in the words of a vocabulary; without one, the goal planner knows all words.
+
+    Args:
+        near: words of near meaning stand for taught ones.
 
     Raises:
         ConfigError: the request names nothing that can be drawn, or more than four things; or it is empty, too long,
@@ -132,7 +135,7 @@ def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
     negations = [item for item in items if item.said in _NEGATIONS]
     if negations:
         raise _refusal(negations, nouns, "Say only what is to be drawn.")
-    things, left_out = _things(items, nouns)
+    things, left_out = _things(items, nouns, near=near)
     _check_number(things)
     orders = [item.said for item in items if isinstance(item, Order)]
     drawn_as = dict.fromkeys(_sentences(things, vocabulary))
@@ -142,7 +145,7 @@ def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
     )  # fmt: skip
 
 
-def _things(items: Sequence[Item], nouns: Mapping[str, Named]) -> tuple[list[_Thing], list[str]]:
+def _things(items: Sequence[Item], nouns: Mapping[str, Named], *, near: bool) -> tuple[list[_Thing], list[str]]:
     """The things of a request and the words that were left out.
 
     Raises:
@@ -155,7 +158,7 @@ def _things(items: Sequence[Item], nouns: Mapping[str, Named]) -> tuple[list[_Th
             left_out += [clause.link] if clause.link not in (None, *_LISTING) else []
             continue
         core, dropped = _without_of(clause.items)
-        core = _with_nearest(core, nouns)
+        core = _with_nearest(core, nouns) if near else core
         found, more = _named_things(core, clause.link, nouns)
         things += found
         left_out += dropped + more

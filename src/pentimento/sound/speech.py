@@ -19,14 +19,16 @@ import numpy as np
 
 from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts.errors import ConfigError
-from pentimento.control.request import understand
+from pentimento.control.request import Understood, understand
 from pentimento.sound.grammar import arpa, spoken, token, wish_grammar
 from pentimento.sound.pronunciations import Pronunciations, pronounced, read_dictionary
 from pentimento.sound.recording import RATE_HZ, Recording, SoundError, check_level
 
-MIN_CONFIDENCE: Final = -5.5
+_MIN_CONFIDENCE: Final = -5.4
 """Of accepted words, see `Hypothesis`; docs/sound.md says how it was chosen."""
-
+_PHONE_FRAMES: Final = (3.0, 25.0)
+"""Mean duration of the phones of accepted words, in frames of 10 ms: a vowel of slow speech has 20. In a steady noise
+a word lasts for seconds."""
 _WEIGHT: Final = 1.5
 """Of the posterior probability in the confidence: about what a logistic regression gives it."""
 _LEVEL: Final = 0.1
@@ -46,9 +48,11 @@ class Hypothesis:
     confidence: float
     """Weighted sum of two logarithms: the words' acoustic score per frame of 10 ms, relative to the best state of the
     model in that frame, and their posterior probability per word among all words that the search considered."""
+    phone_frames: float
+    """Mean duration of a phone, in frames of 10 ms."""
 
 
-_NOTHING: Final = Hypothesis("", -math.inf)
+_NOTHING: Final = Hypothesis("", -math.inf, 0.0)
 
 
 class Recogniser:
@@ -76,15 +80,14 @@ class Recogniser:
             SoundError: the recording is silent, or holds nothing that is understood.
         """
         wish = self.wish(recording)
-        if self._is_accepted(wish):
+        if _is_sure(wish) and self._understood(wish) is not None:
             return wish.words
         free = self.free_text(recording)
-        if self._is_accepted(free):
+        if _is_sure(free) and (request := self._understood(free)) is not None and not request.left_out:
             return free.words
-        words = wish.words or free.words
         raise SoundError(
-            f"No wish is understood in the recording{f' (it may be “{words}”)' if words else ''}; say in English what "
-            "is to be drawn, such as “a cat beside a tree”, near the microphone. Nothing was painted."
+            f"No wish is understood in the recording{f' (it may be “{wish.words}”)' if wish.words else ''}; say in "
+            "English what is to be drawn, such as “a cat beside a tree”, near the microphone. Nothing was painted."
         )
 
     def wish(self, recording: Recording) -> Hypothesis:
@@ -109,14 +112,16 @@ class Recogniser:
             model.write_text(arpa(grammar, known), encoding="utf-8")
             return self._library.Decoder(self._library.Config(dict=str(words), lm=str(model), **_SETTINGS))
 
-    def _is_accepted(self, found: Hypothesis) -> bool:
-        if found.confidence < MIN_CONFIDENCE:
-            return False
+    def _understood(self, found: Hypothesis) -> Understood | None:
         try:
-            understand(found.words, self._vocabulary)
+            return understand(found.words, self._vocabulary, near=False)
         except ConfigError:
-            return False
-        return True
+            return None
+
+
+def _is_sure(found: Hypothesis) -> bool:
+    min_frames, max_frames = _PHONE_FRAMES
+    return found.confidence >= _MIN_CONFIDENCE and min_frames <= found.phone_frames <= max_frames
 
 
 def _entries(words: Mapping[str, Pronunciations]) -> list[str]:
@@ -154,4 +159,5 @@ def _found(search: Any, data: bytes) -> Hypothesis:
     posterior = math.log(max(best.prob, 1e-300)) / len(parts)
     # A further pronunciation of a word is written as word(2).
     words = " ".join(spoken(part.word.partition("(")[0]) for part in parts)
-    return Hypothesis(words, score + _WEIGHT * posterior)
+    phones = sum(len(search.lookup_word(part.word).split()) for part in parts)
+    return Hypothesis(words, score + _WEIGHT * posterior, frames / phones)
