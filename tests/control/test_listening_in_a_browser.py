@@ -115,7 +115,7 @@ def test_without_a_recogniser_there_is_no_button(tmp_path: Path) -> None:
         tab.wait("document.getElementById('message').innerText !== ''")
         tab.evaluate("new Promise(done => setTimeout(done, 500))")
         assert tab.evaluate(SPEAK) is None
-        assert post(page, b"sound")[0] == 404
+        assert post(page, b"sound")[0] == 400
 
 
 def test_uploads_that_are_no_speech_are_one_sentence_and_no_wish(tmp_path: Path) -> None:
@@ -123,10 +123,10 @@ def test_uploads_that_are_no_speech_are_one_sentence_and_no_wish(tmp_path: Path)
         return f"{recording_of(content, 'The recording').duration_s:.0f} s"
 
     with served(tmp_path / "painting", listen) as (page, control):
-        assert post(page, wav(tone(1.0, 16_000), 16_000)) == (200, "1 s")
+        assert post(page, wav(tone(1.0, 16_000), 16_000)) == (200, "1 s\n")
         for body in (b"", b"no sound", wav(tone(1.0, 16_000), 16_000)[:-7]):
             status, sentence = post(page, body)
-            assert status == 422 and sentence.startswith("The recording ") and "\n" not in sentence
+            assert status == 422 and sentence.startswith("The recording ") and sentence.count("\n") == 1
         status, sentence = post(page, bytes(100_000_000))
         assert status == 413 and "100.0 MB" in sentence
         assert control.poll() is None

@@ -53,7 +53,7 @@ async function offerToListen() {
     setPressed(false);
     heard.textContent = "Listening to the recording …";
     const answer = await fetch("listen", { method: "POST", body: wav(await samplesOf(sound)) });
-    const text = await answer.text();
+    const text = (await answer.text()).trim();
     if (answer.ok) {
       field.value = text;
       field.focus();
