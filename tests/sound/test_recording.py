@@ -15,6 +15,7 @@ from pentimento.sound.recording import (
     Recording,
     SoundError,
     check_level,
+    dynamic_db,
     read_recording,
     recording_of,
 )
@@ -132,3 +133,11 @@ def test_level_is_that_of_the_loudest_part() -> None:
         check_level(Recording(0.001 * loud))
     with pytest.raises(SoundError, match="silent"):
         check_level(Recording(np.full(8000, 0.3, np.float32)))  # an offset is no sound
+
+
+def test_dynamic_is_that_of_loud_and_quiet_parts() -> None:
+    rng = np.random.default_rng(0)
+    steady = Recording((0.1 * rng.normal(size=32_000)).astype(np.float32))
+    assert dynamic_db(steady) < 3
+    halves = np.repeat([0.01, 0.1], 16_000) * rng.normal(size=32_000)
+    assert abs(dynamic_db(Recording(halves.astype(np.float32))) - 20) < 1

@@ -80,7 +80,7 @@ def test_noise_is_refused(kind: str) -> None:
         "tone": tone(2.0, RATE_HZ, 0.3, 300.0) + 0.001 * rng.normal(size=count),
         "clicks": np.where(rng.random(count) < 1e-3, 0.5, 0.0),
     }[kind]
-    with pytest.raises(SoundError, match="No wish is understood"):
+    with pytest.raises(SoundError, match="Nothing was painted"):
         recogniser().words_of(Recording(samples.astype(np.float32)))
 
 

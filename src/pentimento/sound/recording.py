@@ -113,15 +113,25 @@ def recording_of(data: bytes, where: str) -> Recording:
 
 def check_level(recording: Recording) -> float:
     """Root mean square of the loudest tenth of a second. Raises SoundError where it is that of silence."""
-    tenth = RATE_HZ // 10
-    samples = recording.samples.astype(np.float64) - recording.samples.mean()
-    parts = samples[: len(samples) // tenth * tenth].reshape(-1, tenth)
-    loudest = float(np.sqrt((parts**2).mean(axis=1)).max())
+    loudest = float(_levels_of(recording, 0.1).max())
     if loudest < _MIN_RMS:
         raise SoundError(
             "The recording is silent; check the microphone and its level, and record again. Nothing was painted."
         )
     return loudest
+
+
+def dynamic_db(recording: Recording) -> float:
+    """How much louder its loud parts are than its quiet ones [dB]: the ninth decile of the levels over the first."""
+    quiet, loud = np.quantile(_levels_of(recording, 0.05), [0.1, 0.9])
+    return float(20 * np.log10(max(loud, 1e-9) / max(quiet, 1e-9)))
+
+
+def _levels_of(recording: Recording, part_s: float) -> NDArray[np.float64]:
+    """Root mean squares of consecutive parts of that duration, without a constant offset."""
+    size = round(part_s * RATE_HZ)
+    samples = recording.samples.astype(np.float64) - recording.samples.mean()
+    return np.sqrt((samples[: len(samples) // size * size].reshape(-1, size) ** 2).mean(axis=1))
 
 
 def _levels(values: NDArray) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.control.request import Understood, understand
 from pentimento.sound.grammar import arpa, spoken, token, wish_grammar
 from pentimento.sound.pronunciations import Pronunciations, pronounced, read_dictionary
-from pentimento.sound.recording import RATE_HZ, Recording, SoundError, check_level
+from pentimento.sound.recording import RATE_HZ, Recording, SoundError, check_level, dynamic_db
 
 _MIN_CONFIDENCE: Final = -5.4
 """Of accepted words, see `Hypothesis`; docs/sound.md says how it was chosen."""
@@ -37,6 +37,8 @@ _DITHER: Final = 2e-3
 """Standard deviation of added noise (-34 dB of the level): digital silence, as in synthetic speech, has no features."""
 _MARGIN_S: Final = 0.3
 """Such noise before and after the recording, where the search begins and ends."""
+_MIN_DYNAMIC_DB: Final = 7.0
+"""Of a recording with speech, see `dynamic_db`: speech at 15 dB over the noise has 15, steady noises at most 5."""
 _SETTINGS: Final[dict[str, Any]] = {"samprate": RATE_HZ, "loglevel": "FATAL"}
 
 
@@ -77,8 +79,14 @@ class Recogniser:
         """The words of a spoken wish.
 
         Raises:
-            SoundError: the recording is silent, or holds nothing that is understood.
+            SoundError: the recording is silent or nothing but noise, or holds nothing that is understood.
         """
+        check_level(recording)
+        if dynamic_db(recording) < _MIN_DYNAMIC_DB:
+            raise SoundError(
+                "In the recording no speech stands out from the noise; come nearer to the microphone, and say the wish "
+                "again. Nothing was painted."
+            )
         wish = self.wish(recording)
         if _is_sure(wish) and self._understood(wish) is not None:
             return wish.words
