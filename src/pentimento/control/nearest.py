@@ -36,7 +36,7 @@ def nearest_word(phrases: Sequence[str], words: Sequence[str]) -> Nearest | None
     if find_spec("wordllama") is None:
         return None
     similarity = _embedded(tuple(phrases)) @ _embedded(tuple(words)).T  # [phrases, words]
-    phrase, word = np.unravel_index(int(similarity.argmax()), similarity.shape)
+    phrase, word = divmod(int(similarity.argmax()), len(words))
     return Nearest(phrases[phrase], words[word]) if similarity[phrase, word] >= _ALIKE else None
 
 
