@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +26,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.control.request import understand
 from pentimento.deploy.words import taught_vocabulary
 from pentimento.sound.recording import RATE_HZ, Recording, SoundError, read_recording
-from pentimento.sound.speech import Recogniser
+from pentimento.sound.speech import Hypothesis, Recogniser
 
 VOICES: Final = ("en-us", "en-gb", "en-us+f4")
 SNR_DB: Final = (30.0, 15.0)
@@ -180,6 +181,10 @@ def _count(recogniser: Recogniser, recordings: Iterable[Recording]) -> tuple[int
     return sum(results), len(results)
 
 
+def _same(found: Hypothesis) -> Hypothesis:
+    return found
+
+
 def _is_the_same(true: str, heard: str, vocabulary: Vocabulary) -> bool:
     try:
         return understand(heard, vocabulary).text == understand(true, vocabulary).text
@@ -201,9 +206,10 @@ def main() -> None:
             listening, wish_alone, free_text = Score(), Score(), Score()
             for number, true in enumerate(WISHES[:count]):
                 recording = noisy(spoken(true, voice), snr_db, np.random.default_rng(number))
-                listening = listening.added(true, words_or_none(recogniser, recording), vocabulary)
-                wish_alone = wish_alone.added(true, recogniser.wish(recording).words, vocabulary)
-                free_text = free_text.added(true, recogniser.free_text(recording).words, vocabulary)
+                wish, free = recogniser.wish(recording), recogniser.free_text(recording)
+                listening = listening.added(true, recogniser.accepted(wish, partial(_same, free)), vocabulary)
+                wish_alone = wish_alone.added(true, wish.words, vocabulary)
+                free_text = free_text.added(true, free.words, vocabulary)
             for name, score in (
                 ("`--listen`", listening), ("taught words, never refusing", wish_alone), ("free text", free_text)
             ):  # fmt: skip

@@ -57,3 +57,17 @@ def test_a_sound_model_needs_something_to_hear(bundle: Path, capsys: pytest.Capt
     with pytest.raises(SystemExit):
         main(["run", str(bundle), "--out", "nowhere", "--goal-text", "a cat", "--sound-model", "whisper"])
     assert "--sound-model" in capsys.readouterr().err
+
+
+def test_a_folder_without_a_sound_model_is_one_sentence(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "sound.wav"
+    file.write_bytes(wav(tone(1.0, 16_000), 16_000))
+    wish = ["--listen", str(file), "--sound-model", str(tmp_path / "nowhere")]
+    assert main(["run", str(bundle), *wish, "--out", str(tmp_path / "out")]) == 1
+    printed = capsys.readouterr()
+    assert "no folder of a published model" in printed.err and len(printed.err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+    assert main(["studio", str(bundle), "--sound-model", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
+    assert "no folder of a published model" in capsys.readouterr().err and not (tmp_path / "out").exists()

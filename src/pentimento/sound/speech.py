@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -88,15 +88,22 @@ class Recogniser:
                 "again. Nothing was painted."
             )
         wish = self.wish(recording)
-        if _is_sure(wish) and self._understood(wish) is not None:
-            return wish.words
-        free = self.free_text(recording)
-        if _is_sure(free) and (request := self._understood(free)) is not None and not request.left_out:
-            return free.words
+        words = self.accepted(wish, lambda: self.free_text(recording))
+        if words is not None:
+            return words
         raise SoundError(
             f"No wish is understood in the recording{f' (it may be “{wish.words}”)' if wish.words else ''}; say in "
             "English what is to be drawn, such as “a cat beside a tree”, near the microphone. Nothing was painted."
         )
+
+    def accepted(self, wish: Hypothesis, free_text: Callable[[], Hypothesis]) -> str | None:
+        """The words of the hypothesis that is accepted; None where neither is. Free text is heard only if needed."""
+        if _is_sure(wish) and self._understood(wish) is not None:
+            return wish.words
+        free = free_text()
+        if _is_sure(free) and (request := self._understood(free)) is not None and not request.left_out:
+            return free.words
+        return None
 
     def wish(self, recording: Recording) -> Hypothesis:
         """The likeliest wish in the taught words, however unlikely. Raises SoundError where the recording is silent."""
