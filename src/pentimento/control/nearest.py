@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -48,7 +48,7 @@ def _model() -> Any:
     return wordllama.WordLlama.load(cache_dir=Path(wordllama.__file__).parent, disable_download=True)
 
 
-@cache
+@lru_cache(maxsize=16)
 def _embedded(phrases: tuple[str, ...]) -> NDArray[np.float32]:
     """Unit vectors [phrases, 256]."""
     return np.asarray(_model().embed(list(phrases), norm=True), np.float32)

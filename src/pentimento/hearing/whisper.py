@@ -49,9 +49,9 @@ class Transcriber:
         """
         check_level(recording)
         inputs = self.processor(recording.samples, sampling_rate=RATE_HZ, return_tensors="pt")
-        told = {"language": "en", "task": "transcribe"} if self.model.generation_config.is_multilingual else {}
+        options = {"language": "en", "task": "transcribe"} if self.model.generation_config.is_multilingual else {}
         with torch.inference_mode():
-            tokens = self.model.generate(inputs.input_features, max_new_tokens=_MAX_TOKENS, do_sample=False, **told)
+            tokens = self.model.generate(inputs.input_features, max_new_tokens=_MAX_TOKENS, do_sample=False, **options)
         words = " ".join(self.processor.batch_decode(tokens, skip_special_tokens=True)[0].split())
         if not any(letter.isalnum() for letter in words):
             raise SoundError("No words are heard in the recording; say the wish again. Nothing was painted.")

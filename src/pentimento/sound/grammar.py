@@ -39,7 +39,7 @@ class Grammar:
 
 
 def wish_grammar(vocabulary: Vocabulary) -> Grammar:
-    """The grammar of up to any number of things with relations, in the words of a vocabulary.
+    """The grammar of any number of things with relations, in the words of a vocabulary.
 
     The probabilities are chosen, not measured: half of the wishes are one thing, a fifth begin with an opening.
     """
