@@ -82,7 +82,7 @@ $(STAMP):
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
 	find .venv/lib -name '*.dist-info' -prune ! -exec test -e {}/RECORD \; -exec rm -rf {} +
 	$(PIP_INSTALL) --quiet -c constraints.txt pip
-	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,dev]"
+	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,voice,dev]"
 	$(BIN)/python -m compileall -q -j 0 -x py312_intrinsics .venv/lib # PyTorch ships that one for later Pythons only
 	rm -f .venv/.installed-*
 	touch $@

@@ -121,11 +121,11 @@ class Browser:
 
 
 @contextmanager
-def browser(folder: Path) -> Iterator[Browser]:
-    """A browser with its profile in `folder`; gone afterwards."""
+def browser(folder: Path, *flags: str) -> Iterator[Browser]:
+    """A browser with its profile in `folder` and further flags; gone afterwards."""
     assert CHROMIUM is not None
     process = subprocess.Popen(
-        [CHROMIUM, *_FLAGS, f"--user-data-dir={folder}", "about:blank"],
+        [CHROMIUM, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

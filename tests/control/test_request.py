@@ -125,7 +125,7 @@ def test_what_is_drawn_otherwise_or_left_out_is_told(words: str, text: str, mess
         ("a cat on it", "it"),
         ("it", "it"),
         ("the", "the"),
-        ("a beautiful sunset", "beautiful sunset"),
+        ("a beautiful silence", "beautiful silence"),
         ("un chat à côté d'un arbre", "un chat à côté d'un arbre"),
         ("die Katze neben dem Baum", "katze neben dem baum"),
         ("une rose et un lion", "une"),

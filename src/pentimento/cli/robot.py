@@ -21,6 +21,8 @@ _OF_PAINT = (
     "setting",
     "goal_image",
     "goal_text",
+    "listen",
+    "sound_model",
     "strokes",
     "replan_every",
     "weights",
@@ -46,6 +48,7 @@ _OF_A_NEW_RUN = (
 
 
 def _run(arguments: argparse.Namespace) -> None:
+    from pentimento.cli.listening import heard_in
     from pentimento.control.commission import Wanted, read_clay_commission, read_commission
     from pentimento.control.request_items import plain_text
     from pentimento.control.run import Turns, commission_of
@@ -56,14 +59,17 @@ def _run(arguments: argparse.Namespace) -> None:
         _sculpt(arguments)
         return
     folder: Path = arguments.out if arguments.resume is None else arguments.resume
+    commission = None if arguments.resume is None else read_commission(folder)
+    bundle: Path = arguments.bundle if commission is None else Path(commission.bundle)
     # Without any goal the canvas is completed; words that were given and are empty are a mistake.
     text = "" if arguments.goal_text is None else plain_text(arguments.goal_text)
-    if arguments.resume is not None:
-        commission = read_commission(folder)
-    else:
+    if arguments.listen is not None:
+        text = heard_in(arguments.listen, bundle, arguments.sound_model)
+        _tell(f"Heard: {text}")
+    if commission is None:
         picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
         commission = commission_of(
-            arguments.bundle, picture or Wanted("words", text), tell=_tell, setting=arguments.setting,
+            bundle, picture or Wanted("words", text), tell=_tell, setting=arguments.setting,
             robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
             replan_every=arguments.replan_every, seed=arguments.seed, weights=_weights(arguments.weights),
         )  # fmt: skip
@@ -71,7 +77,7 @@ def _run(arguments: argparse.Namespace) -> None:
     wish = text if arguments.resume is not None else ""
     _paint(
         commission, folder, calibration=arguments.calibration, has_page=arguments.page, turns=turns, wish=wish,
-        resume=arguments.resume is not None,
+        resume=arguments.resume is not None, sound_model=arguments.sound_model,
     )  # fmt: skip
 
 
@@ -104,8 +110,10 @@ def _paint(
     turns: Turns,
     wish: str = "",
     resume: bool = False,
+    sound_model: Path | None = None,
 ) -> None:
     """Paint, and print how it ended and how to go on."""
+    from pentimento.cli.listening import page_listener
     from pentimento.control.checkpoint import has_state
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
     from pentimento.control.run import run
@@ -120,6 +128,7 @@ def _paint(
             state = run(
                 commission, folder, resume=resume, calibration=calibration, ask=keyboard.ask,
                 page=_print_address if has_page else None, control=control, progress=progress, turns=turns, wish=wish,
+                listen=page_listener(Path(commission.bundle), sound_model) if has_page else None,
             )  # fmt: skip
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
         if has_state(folder) and not isinstance(error, ContractError):  # a damaged state cannot be resumed
@@ -141,7 +150,7 @@ def _studio(arguments: argparse.Namespace) -> None:
         seed=arguments.seed,
     )  # fmt: skip
     _paint(
-        commission, folder, calibration=Path("calibration"), has_page=True,
+        commission, folder, calibration=Path("calibration"), has_page=True, sound_model=arguments.sound_model,
         turns=Turns(in_turns=True, choices=_STUDIO_CHOICES),
     )  # fmt: skip
 
@@ -191,6 +200,8 @@ def _problem_of_run(arguments: argparse.Namespace) -> str | None:
         return "--out FOLDER says where the painting is kept."
     if arguments.resume is not None and (fixed := given(arguments, _OF_A_NEW_RUN)):
         return f"--resume goes on as the painting was begun, and cannot change {', '.join(fixed)}; leave it out."
+    if arguments.sound_model is not None and arguments.listen is None and not arguments.page:
+        return "--sound-model is for what --listen FILE or the page hears; give one of them."
     clay = given(arguments, _OF_CLAY)
     if clay and (arguments.material is None or arguments.letter is None):
         return f"{', '.join(clay)}: to sculpt, give both --material and --letter."
@@ -222,6 +233,11 @@ def _calibrate(arguments: argparse.Namespace) -> None:
     print(residual_sentence(found))
 
 
+_SOUND_MODEL: dict[str, Any] = {
+    "type": Path,
+    "metavar": "FOLDER",
+    "help": "a published model that listens instead of the embedded recogniser: Whisper (speech) or CLAP (sounds)",
+}
 _CALIBRATION: dict[str, Any] = {"type": Path, "default": Path("calibration"), "metavar": "FOLDER"}
 
 COMMANDS = (
@@ -248,6 +264,14 @@ COMMANDS = (
                 exclusive="goal",
                 help="paint this; with --resume, from now on; without any goal, what is on the canvas is completed",
             ),
+            option(
+                "--listen",
+                type=Path,
+                metavar="FILE",
+                exclusive="goal",
+                help="as --goal-text, with the words that are spoken in this WAV file",
+            ),
+            option("--sound-model", **_SOUND_MODEL),
             option("--strokes", type=count, metavar="N", help="maximum; by default the setting's"),
             option(
                 "--replan-every",
@@ -305,6 +329,7 @@ COMMANDS = (
             option(
                 "--strokes", type=count, metavar="N", help="maximum in a turn of the robot's; by default the setting's"
             ),
+            option("--sound-model", **_SOUND_MODEL),
             option("--seed", type=seed, metavar="N", help="of plans, goals and studio; by default the setting's"),
             option("--out", type=Path, metavar="FOLDER", help="a new folder for the painting; by default its time"),
         ),

@@ -37,7 +37,7 @@ _SAVE = "save/"
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
 _LAST_LOOK_S = 1.2  # an open page asks for the state every 0.5 s
 _MAX_BYTES = 100_000  # of a request's body
-_LIMITS = {"draw": MAX_BYTES}
+_LIMITS = {"draw": MAX_BYTES, "listen": 2_000_000}  # half a minute of speech takes one megabyte
 _MAX_DRAINED = 200_000_000  # bytes of a larger body that are read and thrown away
 _TIMEOUT_S = 30.0  # for a browser that announces more than it sends
 _CONTENT_POLICY = (
@@ -85,6 +85,7 @@ class Page:
         control: Control,
         pen: Pen | None = None,
         saved: Mapping[str, Callable[[], bytes]] | None = None,
+        listen: Callable[[bytes], str] | None = None,
         port: int = 0,
     ) -> None:
         """Serve the painting in a folder; commands go to ``control``. Port 0 takes a free one.
@@ -92,11 +93,13 @@ class Page:
         Args:
             pen: with which a person draws on the page; None where that is impossible.
             saved: functions that give the files to be saved, by their names.
+            listen: from the content of a WAV file to the wish in it, or PentimentoError; None where nothing listens.
 
         Raises OSError if the port is taken.
         """
         self._folder, self._control, self._saved = folder, control, saved or {}
         self._lock = threading.Lock()
+        self._listen, self._listening = listen, threading.Lock()
         self._token = secrets.token_urlsafe(16)
         self._state: dict[str, Any] = {}
         self._pen = None if pen is None else asdict(pen)
@@ -158,7 +161,9 @@ class Page:
                 return Response(HTTPStatus.OK, "image/png", file.read_bytes())
         if path.startswith(_SAVE) and (give := self._saved.get(path.removeprefix(_SAVE))) is not None:
             return _given(give, _CONTENT_TYPES[Path(path).suffix])
-        asset = {"": "page.html", "page.js": "page.js", "page.css": "page.css"}.get(path)
+        if path == "listens.json":
+            return Response(HTTPStatus.OK, "application/json", json.dumps(self._listen is not None).encode())
+        asset = {"": "page.html", "page.js": "page.js", "page.css": "page.css", "listen.js": "listen.js"}.get(path)
         if asset is not None:
             content = (resources.files("pentimento.control") / "web" / asset).read_bytes()
             return Response(HTTPStatus.OK, _CONTENT_TYPES[Path(asset).suffix], content)
@@ -166,6 +171,8 @@ class Page:
 
     def post(self, path: str, body: bytes) -> Response:
         """Pass on what the body says: a command, the words of a wish, or the number of a goal."""
+        if path == "listen" and self._listen is not None:
+            return self._hear(self._listen, body)
         text = body.decode("utf-8", errors="replace").strip()
         command = next((known for known in COMMANDS if known == text), None)
         if path == "draw" and self._pen is not None:
@@ -198,6 +205,14 @@ class Page:
             self._lines = max(self._lines, self._state["lines"]) + 1
             self._control.send("draw", line)
             return Response(HTTPStatus.OK, "application/json", json.dumps(self._lines).encode())
+
+    def _hear(self, listen: Callable[[bytes], str], sound: bytes) -> Response:
+        """The words in a WAV file, for the person to confirm; nothing is sent to the robot."""
+        try:
+            with self._listening:  # a recogniser hears one recording at a time
+                return _sentence(HTTPStatus.OK, listen(sound))
+        except PentimentoError as error:
+            return _sentence(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
 
     def below_token(self, path: str) -> str | None:
         """The part of a path below the token; None where the token is wrong."""

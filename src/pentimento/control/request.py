@@ -1,7 +1,8 @@
 """What a person asks for, in the words that the goal planner was taught.
 
-A word for a kind of a taught thing becomes that thing ("a poodle" is drawn as a dog). Words that only describe a thing
-are left out, and the person is told. A request for anything else is refused before anything is painted.
+A word for a kind of a taught thing becomes that thing ("a poodle" is drawn as a dog), and so do words of near
+meaning, where the extra `voice` is installed. Words that only describe a thing are left out. The person is told both. A
+request for anything else is refused before anything is painted.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Final
 
 from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts.errors import ConfigError
+from pentimento.control.nearest import nearest_word
 from pentimento.control.request_items import (
     Article,
     Count,
@@ -27,6 +29,7 @@ from pentimento.control.request_items import (
     plain_text,
     said_of,
     scan,
+    singulars,
 )
 
 MAX_THINGS: Final = 4
@@ -55,6 +58,8 @@ _DEFINITE: Final = ("the", "this", "these", "those")
 _SUGGESTIONS: Final = 3
 _ALIKE: Final = 0.7
 """Similarity of two spellings by `difflib`, from which on one may be meant for the other."""
+_MISSPELT: Final = 0.8
+"""The same, from which on one probably is the other with a mistake."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +117,11 @@ class _Clause:
     items: tuple[Item, ...]
 
 
-def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
+def understand(words: str, vocabulary: Vocabulary | None, *, near: bool = True) -> Understood:
     """A person's request in the words of a vocabulary; without one, the goal planner knows all words.
+
+    Args:
+        near: words of near meaning stand for taught ones.
 
     Raises:
         ConfigError: the request names nothing that can be drawn, or more than four things; or it is empty, too long,
@@ -127,7 +135,7 @@ def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
     negations = [item for item in items if item.said in _NEGATIONS]
     if negations:
         raise _refusal(negations, nouns, "Say only what is to be drawn.")
-    things, left_out = _things(items, nouns)
+    things, left_out = _things(items, nouns, near=near)
     _check_number(things)
     orders = [item.said for item in items if isinstance(item, Order)]
     drawn_as = dict.fromkeys(_sentences(things, vocabulary))
@@ -137,7 +145,7 @@ def understand(words: str, vocabulary: Vocabulary | None) -> Understood:
     )  # fmt: skip
 
 
-def _things(items: Sequence[Item], nouns: Mapping[str, Named]) -> tuple[list[_Thing], list[str]]:
+def _things(items: Sequence[Item], nouns: Mapping[str, Named], *, near: bool) -> tuple[list[_Thing], list[str]]:
     """The things of a request and the words that were left out.
 
     Raises:
@@ -150,6 +158,7 @@ def _things(items: Sequence[Item], nouns: Mapping[str, Named]) -> tuple[list[_Th
             left_out += [clause.link] if clause.link not in (None, *_LISTING) else []
             continue
         core, dropped = _without_of(clause.items)
+        core = _with_nearest(core, nouns) if near else core
         found, more = _named_things(core, clause.link, nouns)
         things += found
         left_out += dropped + more
@@ -192,6 +201,35 @@ def _without_of(items: Sequence[Item]) -> tuple[list[Item], list[str]]:
     core, dropped = _without_of(after)
     counts: list[Item] = [item for item in before if isinstance(item, Count)]
     return [*counts, *core], [item.said for item in before if isinstance(item, Other)] + dropped
+
+
+def _with_nearest(items: list[Item], nouns: Mapping[str, Named]) -> list[Item]:
+    """A clause without a known thing, in which the words at the end are the taught noun that is nearest in meaning.
+
+    Words that are spelt almost like a taught one stay as they are: they are mistakes, for which a person gets advice.
+    """
+    start = next((len(items) - at for at, item in enumerate(reversed(items)) if not isinstance(item, Other)), 0)
+    unknown = [item.said for item in items[start:]]
+    is_known = any(isinstance(item, Named) for item in items)
+    if (
+        is_known
+        or not unknown
+        or not all(map(_is_english, unknown))
+        or any(_alike(said, nouns, _MISSPELT) for said in unknown)
+    ):
+        return items
+    places: dict[str, tuple[int, bool]] = {}  # where a phrase begins, and whether it is plural
+    for at in range(start, len(items)):
+        said = said_of(items[at:])
+        places.setdefault(said, (at, False))
+        for singular in singulars(said):
+            places.setdefault(singular, (at, True))
+    taught = [word for word, noun in nouns.items() if noun.is_taught and not noun.is_plural]
+    found = nearest_word(tuple(places), taught)
+    if found is None:
+        return items
+    at, is_plural = places[found.phrase]
+    return [*items[:at], Named(said_of(items[at:]), nouns[found.word].noun, is_plural, False)]
 
 
 def _named_things(
@@ -343,7 +381,7 @@ def _refusal(items: Sequence[Item], nouns: Mapping[str, Named], advice: str = ""
     return ConfigError(" ".join(sentences))
 
 
-def _alike(said: str, nouns: Mapping[str, Named]) -> list[str]:
+def _alike(said: str, nouns: Mapping[str, Named], similarity: float = _ALIKE) -> list[str]:
     """The taught noun's word that is spelt most like what was said, if any is."""
     taught = [word for word, noun in nouns.items() if noun.is_taught and not noun.is_plural]
-    return get_close_matches(said, taught, 1, _ALIKE) if len(said) > 2 else []
+    return get_close_matches(said, taught, 1, similarity) if len(said) > 2 else []

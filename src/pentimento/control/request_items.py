@@ -93,11 +93,11 @@ class Other:
 
 Item = Named | Count | Article | Link | Order | Pronoun | Of | Other
 
-_TAUGHT_LINKS: Final = (
+TAUGHT_LINKS: Final = (
     "and", ",", "with", "beside", "next to", "to the left of", "to the right of", "above", "over", "below", "under",
     "on", "on top of", "behind", "in front of", "before", "inside", "in", "between",
 )  # fmt: skip
-_OTHER_LINKS: Final = {
+OTHER_LINKS: Final = {
     "&": "and", "+": "and", "plus": "and", "along with": "and", "together with": "and", "as well as": "and",
     "has": "with", "have": "with", "near": "beside", "by": "beside", "at": "beside", "alongside": "beside",
     "close to": "beside", "left of": "to the left of", "on the left of": "to the left of",
@@ -117,8 +117,8 @@ _ANY: Final = ("the", "some", "my", "your", "his", "her", "its", "our", "their",
 _SINGLE: Final = ("a", "an", "another", "this", "each", "every")
 
 _GRAMMAR: Final[Mapping[str, Item]] = {
-    **{said: Link(said, said) for said in _TAUGHT_LINKS},
-    **{said: Link(said, link) for said, link in _OTHER_LINKS.items()},
+    **{said: Link(said, said) for said in TAUGHT_LINKS},
+    **{said: Link(said, link) for said, link in OTHER_LINKS.items()},
     **{said: Count(said, number) for number, said in enumerate(_NUMBERS)},
     **{said: Count(said, 2, is_pair=True) for said in ("a pair of", "pair of", "a couple of", "couple of")},
     **{said: Count(said, MANY) for said in _MANY},
@@ -220,14 +220,14 @@ def _named(said: str, nouns: Mapping[str, Named]) -> Named | None:
     found = nouns.get(spaced)
     if found is not None:
         return Named(said, found.noun, found.is_plural, found.is_taught)
-    for singular in _singulars(spaced):
+    for singular in singulars(spaced):
         found = nouns.get(singular)
         if found is not None and not found.is_plural:
             return Named(said, found.noun, True, found.is_taught)
     return None
 
 
-def _singulars(word: str) -> Iterator[str]:
+def singulars(word: str) -> Iterator[str]:
     """What a word may be the plural of."""
     for end, singular in (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""), ("men", "man")):
         if word.endswith(end) and len(word) > len(end) + 2:

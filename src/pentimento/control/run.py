@@ -144,6 +144,7 @@ def run(
     progress: Progress,
     turns: Turns = ALONE,
     wish: str = "",
+    listen: Callable[[bytes], str] | None = None,
 ) -> PaintingState:
     """Begin or resume a painting in a folder; its final state.
 
@@ -152,6 +153,7 @@ def run(
         calibration: folder of the rig's calibrations, for hardware that is to move.
         ask: shows a request to the person and returns when it is done.
         page: called with the address of the person's page; None for no page.
+        listen: see `Page`.
 
     Raises:
         PentimentoError, OSError: as ``session.resume``; and, before anything moves, for arguments that do not fit.
@@ -170,7 +172,7 @@ def run(
     with exclusive(folder):
         pen = _pen(tool, canvas_size_m) if is_in_studio(commission.robot, commission.execute) else None
         saved = saved_files(folder, tool, canvas_size_m)
-        served = None if page is None else Page(folder, control, pen, saved)
+        served = None if page is None else Page(folder, control, pen, saved, listen)
         try:
             if page is not None and served is not None:
                 page(served.address)

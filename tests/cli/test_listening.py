@@ -1,0 +1,73 @@
+"""`pentimento run --listen`: what is spoken is painted, and nothing is painted of what is no wish."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pentimento.cli.main import main
+from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
+from tests.sound.spoken import ESPEAK, speak, tone, wav
+
+pytest.importorskip("pocketsphinx", reason="needs the extra voice")
+needs_speech = pytest.mark.skipif(ESPEAK is None, reason="needs espeak-ng")
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_painting_bundle(tmp_path_factory.mktemp("bundle") / "bundle", small_vocabulary())
+
+
+@needs_speech
+def test_a_spoken_wish_is_painted_and_another_one_after_it(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, first, second = tmp_path / "out", tmp_path / "first.wav", tmp_path / "second.wav"
+    assert main(["run", str(bundle), "--listen", str(speak("a dog", first)), "--strokes", "2", "--out", str(out)]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == "Heard: a dog"
+    assert json.loads((out / "commission.json").read_text())["wanted"] == {"kind": "words", "value": "a dog"}
+    assert main(["run", "--resume", str(out), "--listen", str(speak("two cats", second))]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == "Heard: two cats"
+    assert json.loads((out / "turns/001.json").read_text())["words"] == "two cats"
+
+
+def test_a_file_without_speech_leaves_no_folder(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "sound.wav"
+    for content in (b"", b"no sound", wav(np.zeros(16_000, np.int16), 16_000), wav(tone(2.0, 48_000), 48_000)):
+        file.write_bytes(content)
+        assert main(["run", str(bundle), "--listen", str(file), "--out", str(tmp_path / "out")]) == 1
+        printed = capsys.readouterr()
+        assert printed.out == "" and len(printed.err.splitlines()) == 1
+        assert not (tmp_path / "out").exists()
+
+
+def test_listening_excludes_other_goals(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for other in (["--goal-text", "a cat"], ["--goal-image", "cat.png"], ["--material", "foam", "--letter", "A"]):
+        with pytest.raises(SystemExit):
+            main(["run", str(bundle), "--out", "nowhere", "--listen", "wish.wav", *other])
+        assert "--listen" in capsys.readouterr().err
+
+
+def test_a_sound_model_needs_something_to_hear(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", str(bundle), "--out", "nowhere", "--goal-text", "a cat", "--sound-model", "whisper"])
+    assert "--sound-model" in capsys.readouterr().err
+
+
+def test_a_folder_without_a_sound_model_is_one_sentence(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "sound.wav"
+    file.write_bytes(wav(tone(1.0, 16_000), 16_000))
+    wish = ["--listen", str(file), "--sound-model", str(tmp_path / "nowhere")]
+    assert main(["run", str(bundle), *wish, "--out", str(tmp_path / "out")]) == 1
+    printed = capsys.readouterr()
+    assert "no folder of a published model" in printed.err and len(printed.err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+    assert main(["studio", str(bundle), "--sound-model", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
+    assert "no folder of a published model" in capsys.readouterr().err and not (tmp_path / "out").exists()
