@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_lab, srgb_to_linear
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.config import ExecutionNoise, LearningRates, ObjectivesConfig, PlannerConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, ExecutionNoise, LearningRates, PlannerConfig
 from pentimento.planning.strokes.initialise import random_strokes
 from pentimento.planning.strokes.palette import cluster_palette
 from pentimento.planning.strokes.render_plan import render_and_back
@@ -55,7 +55,7 @@ def frida_rates(canvas_size_m: tuple[float, float], press_m: float, multiple: fl
 def frida_settings(planner: PlannerConfig, rates: LearningRates) -> PlannerConfig:
     """The planner's settings with FRIDA's objective and rates, which also serve its replanning."""
     return replace(
-        planner, initialisation="random", distances_px=(1,), objectives=ObjectivesConfig(1.0, None),
+        planner, initialisation="random", distances_px=(1,), objectives=PRINT_ALONE,
         execution_noise=ExecutionNoise(0.0, 0.0), relocate_share=0.0, iterations_replan=50, replan_rate=0.5,
         learning_rates=rates,
     )  # fmt: skip

@@ -54,8 +54,8 @@ class Paints:
     index: IntArray
     """[S]."""
     fixed: Mask
-    """[K] whether ``optimise`` leaves a paint as it is. Its few strokes could not keep a salient colour: strokes
-    elsewhere that take the paint, too, would pull it towards their own.
+    """[K] whether ``optimise`` leaves a paint as it is. Its few strokes could not keep a salient colour: other
+    strokes that take the paint would pull it towards their own.
     """
 
     def srgb(self) -> FloatArray:
