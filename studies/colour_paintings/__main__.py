@@ -2,8 +2,8 @@
 
 `paint NAME` plans and executes each photograph in the studio with the settings `paint` and `planners.colour` of
 params.yaml, or with FRIDA's planner (`--frida`), into `OUT/NAME`; what is there is not done again. To score the planner
-of another commit, put its `src` first in PYTHONPATH. `page` compares all names that are there: `docs/paintings.md` and
-its picture.
+of another commit, put its `src` first in PYTHONPATH. `page` compares the names `frida`, `before` and `new`:
+`docs/paintings.md` and its picture.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ last photograph.
 
 ![Photograph, FRIDA, before, new](paintings.jpg)
 
-*From the left: photograph, FRIDA, before, new.*
+*From the left: photograph, FRIDA, before, new; ten of the twelve.*
 
 - **MSE**: mean squared difference in sRGB; **inner**: the same without a rim of 8 mm.
 - **features**: LPIPS without its learned weights, on the convolutions of the judge encoder, which guides no planner.
@@ -135,7 +135,10 @@ def summary(rows: dict[str, dict[str, Row]]) -> str:
 
 def credits() -> str:
     """Where each photograph comes from, and its licence."""
-    lines = [f"{name} ({picture.package}): {picture.licence}" for name, picture in ALL.items()]
+    lines = [
+        f"{name} ({picture.package}): {picture.licence or 'licence not stated, not shown'}"
+        for name, picture in ALL.items()
+    ]
     return "\nPhotographs: " + "; ".join(lines) + ".\n"
 
 
@@ -153,7 +156,7 @@ def _row(folder: Path) -> Row:
 def _sheet(out: Path) -> None:
     """Two photographs a row, each with its three paintings."""
     strips = []
-    for picture in ALL:
+    for picture in (name for name, one in ALL.items() if one.licence is not None):
         files = [out / "new" / picture / "target.png", *(out / name / picture / "painting.png" for name in NAMES)]
         strips.append(np.hstack([_small(read_image(file)) for file in files]))
     half = len(strips) // 2

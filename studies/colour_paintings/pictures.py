@@ -24,7 +24,8 @@ class Picture:
 
     package: str
     file: str
-    licence: str
+    licence: str | None
+    """None where the package does not state that of the photograph, which is then scored and not shown."""
     part: Part | None = None
 
     def target(self, shape: tuple[int, int]) -> NDArray[np.float32]:
@@ -46,13 +47,13 @@ DEVELOPMENT = {
     "tabby": Picture("skimage", "data/chelsea.png", "CC0 (Stéfan van der Walt)"),
     "coffee": Picture("skimage", "data/coffee.png", "CC0 (Rachel Michetti)"),
     "rocket": Picture("skimage", "data/rocket.jpg", "CC0 (SpaceX)"),
-    "motorcycle": Picture("skimage", "data/motorcycle_left.png", "CC0 (Middlebury stereo data set)"),
+    "motorcycle": Picture("skimage", "data/motorcycle_left.png", None),
     "galaxies": Picture("skimage", "data/hubble_deep_field.jpg", _NASA),
 }
 """Settings are chosen on these."""
 HELD_BACK = {
     "admiral": Picture("matplotlib", "mpl-data/sample_data/grace_hopper.jpg", "public domain (US Navy)"),
-    "quokka": Picture("imgaug", "quokka.jpg", "CC BY-SA 2.0"),
+    "quokka": Picture("imgaug", "quokka.jpg", None),
     "temple": Picture("sklearn", "datasets/images/china.jpg", "CC BY 2.0 (danielbuechele)"),
     "flower": Picture("sklearn", "datasets/images/flower.jpg", "CC BY 2.0 (vultilion)"),
     "astronaut": Picture("skimage", "data/astronaut.png", _NASA, Part(0.0, 0.0, 1.0, 0.7)),
