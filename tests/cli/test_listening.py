@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pentimento.cli.listening import confirmed
 from pentimento.cli.main import main
+from pentimento.contracts.errors import ConfigError
 from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
 from tests.sound.spoken import ESPEAK, speak, tone, wav
 
@@ -71,3 +73,18 @@ def test_a_folder_without_a_sound_model_is_one_sentence(
     assert not (tmp_path / "out").exists()
     assert main(["studio", str(bundle), "--sound-model", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
     assert "no folder of a published model" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("answers", "expected"), [(["y"], True), (["maybe", "n"], False)])
+def test_person_at_the_terminal_confirms_what_was_heard(
+    monkeypatch: pytest.MonkeyPatch, answers: list[str], expected: bool
+) -> None:
+    given = iter(answers)
+    monkeypatch.setattr("builtins.input", lambda _question: next(given))
+    assert confirmed(is_at_terminal=True, executes=True) is expected
+
+
+def test_without_a_terminal_hardware_does_not_move_by_what_was_heard() -> None:
+    assert confirmed(is_at_terminal=False, executes=False)
+    with pytest.raises(ConfigError, match="after you confirmed it at a terminal"):
+        confirmed(is_at_terminal=False, executes=True)

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pentimento.cli import workshop
+from pentimento.cli.calibrate import yes_at_terminal
+from pentimento.contracts.errors import ConfigError
 
 if TYPE_CHECKING:
     from pentimento.bundle.vocabulary import Vocabulary
@@ -28,6 +30,22 @@ def heard_in(file: Path, bundle: Path, model: Path | None) -> str:
 
     recording = read_recording(file)
     return listener_for(open_bundle(bundle).vocabulary, model)(recording)
+
+
+def confirmed(*, is_at_terminal: bool, executes: bool) -> bool:
+    """Whether the person at the terminal confirms what was heard; without a terminal, only the studio goes on.
+
+    Raises:
+        ConfigError: hardware is to move, and nobody can confirm.
+    """
+    if is_at_terminal:
+        return yes_at_terminal("Shall this be painted?")
+    if executes:
+        raise ConfigError(
+            "What was heard may be wrong, so hardware moves only after you confirmed it at a terminal; or give the "
+            "words with --goal-text."
+        )
+    return True
 
 
 def page_listener(bundle: Path, model: Path | None) -> Callable[[bytes], str] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +49,7 @@ _OF_A_NEW_RUN = (
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from pentimento.cli.listening import heard_in
+    from pentimento.cli.listening import confirmed, heard_in
     from pentimento.control.commission import Wanted, read_clay_commission, read_commission
     from pentimento.control.request_items import plain_text
     from pentimento.control.run import Turns, commission_of
@@ -66,6 +67,10 @@ def _run(arguments: argparse.Namespace) -> None:
     if arguments.listen is not None:
         text = heard_in(arguments.listen, bundle, arguments.sound_model)
         _tell(f"Heard: {text}")
+        executes = arguments.execute if commission is None else commission.execute
+        if not confirmed(is_at_terminal=sys.stdin.isatty(), executes=executes):
+            _tell("Nothing was painted.")
+            return
     if commission is None:
         picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
         commission = commission_of(
