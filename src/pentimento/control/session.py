@@ -119,6 +119,8 @@ def resume(session: PaintingSession, wish: str = "") -> PaintingState:
         state = task.start(state, state.phase if waits else "painting")
         if wish or waits:
             state, interrupt = task.turn(state, first)
+            if interrupt == "changed" and len(state.remaining):
+                state = at.checkpoint(task.replan(state, changed=True))
         if interrupt != "stop":
             state, outcome = run_loop(task, state, hooks)
         at.keep_photograph(state)
