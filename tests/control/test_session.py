@@ -322,6 +322,25 @@ def test_painting_in_turns_resumes_at_the_persons_turn(tmp_path: Path) -> None:
     assert ("your turn", 0) in phases and all(executed == 0 for _, executed in phases)
 
 
+@pytest.mark.parametrize("interrupted", ["your turn", "undoing"])
+def test_what_waits_for_a_person_does_so_also_after_an_interruption(tmp_path: Path, interrupted: str) -> None:
+    robot, control = journaled_sheet(tmp_path), Control()
+    begun(robot, tmp_path)
+
+    def person(state: PaintingState) -> None:
+        if state.phase == interrupted:
+            raise KeyboardInterrupt
+        if state.executed == 2 and state.phase == "painting" and not state.pending:
+            control.send("your turn")
+        if state.phase == "your turn":
+            control.send("undo")
+
+    with pytest.raises(KeyboardInterrupt):
+        resume(session_of(robot, tmp_path, control, person, in_turns=True, in_studio=True))
+    assert load_state(tmp_path).phase == interrupted
+    robot.close()
+
+
 def test_wish_that_is_not_understood_leaves_goal_and_turn_as_they_are(tmp_path: Path) -> None:
     robot, control, messages = sheet(), Control(), []
     first = begun(robot, tmp_path)
