@@ -51,7 +51,9 @@ def main(arguments: argparse.Namespace) -> None:
         require_model(f"paint_by_meaning.settings.{name}.tool", setting.tool, arguments.tools)
     single_threaded()
     inputs = {"scenes": arguments.scenes, "semantics": arguments.semantics, "judge": arguments.judge}
-    tools = {setting.tool: arguments.models / f"stroke_{setting.tool}" / "weights" for setting in config.settings.values()}
+    tools = {
+        setting.tool: arguments.models / f"stroke_{setting.tool}" / "weights" for setting in config.settings.values()
+    }
     inputs |= {f"stroke_model.{tool}": weights for tool, weights in tools.items()}
     with tracked_run("paint_by_meaning", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         networks = Networks(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), config.views)

@@ -104,7 +104,9 @@ def test_undo_again_goes_back_one_batch_more(tmp_path: Path) -> None:
     assert executed[1:] == list(range((first - 1) // BATCH * BATCH, -1, -BATCH))
 
 
-def test_undone_strokes_are_planned_again_on_what_the_person_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_undone_strokes_are_planned_again_on_what_the_person_draws(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     painted(tmp_path, undo_at_turn)
     take_back(tmp_path)
     orders, planned_on = iter([("draw", LINE), ("go on",), ("stop",)]), list[np.ndarray]()
