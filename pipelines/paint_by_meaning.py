@@ -1,4 +1,4 @@
-"""Paint by what pictures and words mean: each sum of objectives beside its terms scored by another encoder."""
+"""Paint by what pictures and words mean: each sum of objectives beside its terms, scored by another encoder."""
 
 import argparse
 from dataclasses import asdict, dataclass
@@ -51,11 +51,15 @@ def main(arguments: argparse.Namespace) -> None:
         require_model(f"paint_by_meaning.settings.{name}.tool", setting.tool, arguments.tools)
     single_threaded()
     inputs = {"scenes": arguments.scenes, "semantics": arguments.semantics, "judge": arguments.judge}
-    with tracked_run("paint_by_meaning", "", asdict(config), inputs) as run, output_folder(arguments.out) as out:
+    tools = {
+        setting.tool: arguments.models / f"stroke_{setting.tool}" / "weights" for setting in config.settings.values()
+    }
+    inputs |= {f"stroke_model.{tool}": weights for tool, weights in tools.items()}
+    with tracked_run("paint_by_meaning", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         networks = Networks(Encoder.load(arguments.semantics), Encoder.load(arguments.judge), config.views)
         metrics = {}
         for name, setting in config.settings.items():
-            model = read_stroke_model(arguments.models / f"stroke_{setting.tool}" / "weights")
+            model = read_stroke_model(tools[setting.tool])
             start = _start(setting, arguments.scenes, networks.guide)
             target, painted = paint_by_meaning(setting, start, model, networks, studio_seed=config.seed)
             picture = to_uint8(linear_to_srgb(np.clip(target, 0.0, 1.0)))

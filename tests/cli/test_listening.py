@@ -84,6 +84,14 @@ def test_person_at_the_terminal_confirms_what_was_heard(
     assert confirmed(is_at_terminal=True, executes=True) is expected
 
 
+def test_end_of_input_is_no_confirmation(monkeypatch: pytest.MonkeyPatch) -> None:
+    def end(_question: str) -> str:
+        raise EOFError
+
+    monkeypatch.setattr("builtins.input", end)
+    assert confirmed(is_at_terminal=True, executes=False) is False
+
+
 def test_without_a_terminal_hardware_does_not_move_by_what_was_heard() -> None:
     assert confirmed(is_at_terminal=False, executes=False)
     with pytest.raises(ConfigError, match="after you confirmed it at a terminal"):

@@ -63,6 +63,12 @@ def test_any_line_stays_within_the_envelope_also_where_it_leaves_the_sheet() -> 
             envelope_for(PEN, SIZE_M).check_path(stroke.path)
 
 
+def test_numbers_beyond_any_screen_are_refused() -> None:
+    for points in ([(-1e308, 0.5, 0.5), (1e308, 0.5, 0.5)], [(0.5, 0.5, 1e308), (0.6, 0.5, -1e308)]):
+        with pytest.raises(ConfigError, match="far outside"):
+            drawn_strokes(line(*points), PEN, SIZE_M)
+
+
 @pytest.mark.parametrize("tool", [PEN, BRUSH])
 def test_pixels_of_a_mouse_with_folds_and_loops_are_strokes(tool) -> None:
     """A mouse gives whole pixels: lines that return on themselves, dots of an i, scribbles."""

@@ -17,6 +17,7 @@ from pentimento.contracts.tables import read_table
 from pentimento.control.checkpoint import PaintingState, load_state, save_state
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotTraits
+from pentimento.control.page import Page, Pen
 from pentimento.control.person import Control
 from pentimento.control.pictures import CANVAS, GOAL, NEXT, PREVIEW
 from pentimento.control.recording import RECORD
@@ -253,6 +254,22 @@ def test_choice_among_earlier_goals_is_not_a_choice_among_later_ones(tmp_path: P
     assert chosen[0].endswith("A bar: drawn as a line.")
 
 
+@pytest.mark.parametrize("number", ["0", "3", "9" * 5000])
+def test_number_of_no_goal_is_not_a_choice(tmp_path: Path, number: str) -> None:
+    robot, control, choices = sheet(), Control(), []
+    begun(robot, tmp_path)
+    control.send("wish", "a bar")
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "choosing" and not choices:
+            choices.append(number)
+            control.send("choose", number)
+            threading.Timer(0.2, control.send, ("choose", "2")).start()
+
+    done = resume(session_of(robot, tmp_path, control, person, goals_for=two_bars))
+    assert (done.goal == bars(done.goal)[1]).all() and done.phase == "done"
+
+
 def test_wish_on_resume_may_be_stopped_at_the_choice(tmp_path: Path) -> None:
     robot, control = journaled_sheet(tmp_path), Control()
     begun(robot, tmp_path)
@@ -268,6 +285,29 @@ def test_wish_on_resume_may_be_stopped_at_the_choice(tmp_path: Path) -> None:
     assert state.phase == "stopped" and state.executed == before.executed
 
 
+def test_page_takes_lines_also_after_your_turn_was_said_twice(tmp_path: Path) -> None:
+    robot, control, answers = journaled_sheet(tmp_path), Control(), []
+    begun(robot, tmp_path)
+    page = Page(tmp_path, control, Pen(0.02, None))
+    control.send("your turn")
+    unanswered = threading.Timer(10, control.send, ("stop",))
+    unanswered.start()
+
+    def person(state: PaintingState) -> None:
+        page.show(state)
+        if state.phase == "your turn":
+            if answers:
+                answers.append(page.post("draw", b'{"points": [[0.5, 0.5, 0.5]]}').status)
+                control.send("stop")
+            else:
+                answers.append(page.post("command", b"your turn").status)
+
+    resume(session_of(robot, tmp_path, control, person, in_studio=True))
+    unanswered.cancel()
+    page.close()
+    assert answers[:2] == [204, 200]
+
+
 def test_painting_in_turns_resumes_at_the_persons_turn(tmp_path: Path) -> None:
     robot, control, phases = sheet(), Control(), []
     begun(robot, tmp_path)
@@ -280,6 +320,25 @@ def test_painting_in_turns_resumes_at_the_persons_turn(tmp_path: Path) -> None:
 
     resume(session_of(robot, tmp_path, control, person, in_turns=True))
     assert ("your turn", 0) in phases and all(executed == 0 for _, executed in phases)
+
+
+@pytest.mark.parametrize("interrupted", ["your turn", "undoing"])
+def test_what_waits_for_a_person_does_so_also_after_an_interruption(tmp_path: Path, interrupted: str) -> None:
+    robot, control = journaled_sheet(tmp_path), Control()
+    begun(robot, tmp_path)
+
+    def person(state: PaintingState) -> None:
+        if state.phase == interrupted:
+            raise KeyboardInterrupt
+        if state.executed == 2 and state.phase == "painting" and not state.pending:
+            control.send("your turn")
+        if state.phase == "your turn":
+            control.send("undo")
+
+    with pytest.raises(KeyboardInterrupt):
+        resume(session_of(robot, tmp_path, control, person, in_turns=True, in_studio=True))
+    assert load_state(tmp_path).phase == interrupted
+    robot.close()
 
 
 def test_wish_that_is_not_understood_leaves_goal_and_turn_as_they_are(tmp_path: Path) -> None:

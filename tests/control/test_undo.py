@@ -3,19 +3,22 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.control import undo
+from pentimento.control import session, undo
 from pentimento.control.checkpoint import PaintingState, load_state
 from pentimento.control.open_robot import JOURNAL
+from pentimento.control.painter import PaintContext, replanned_and_pruned
 from pentimento.control.person import Control
 from pentimento.control.recording import RECORD
 from pentimento.control.session import resume
 from pentimento.control.undo import take_back
+from pentimento.planning.strokes.bezier import Strokes
 from tests.bundle.line_brush import journaled_sheet, sheet
 from tests.control.paintings import BATCH, begun, session_of
 
@@ -27,9 +30,9 @@ def painted(folder: Path, person: Callable[[PaintingState, Control], None]) -> P
     robot, control = journaled_sheet(folder), Control()
     if not (folder / "state.npz").exists():
         begun(robot, folder)
-    session = session_of(robot, folder, control, lambda s: person(s, control), in_turns=True, in_studio=True)
+    beside = session_of(robot, folder, control, lambda s: person(s, control), in_turns=True, in_studio=True)
     try:
-        return resume(session)
+        return resume(beside)
     finally:
         robot.close()
 
@@ -99,6 +102,41 @@ def test_undo_again_goes_back_one_batch_more(tmp_path: Path) -> None:
         if executed[-1] > 0:
             assert painted(tmp_path, undo_at_turn).phase == "undoing"
     assert executed[1:] == list(range((first - 1) // BATCH * BATCH, -1, -BATCH))
+
+
+def test_undone_strokes_are_planned_again_on_what_the_person_draws(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    painted(tmp_path, undo_at_turn)
+    take_back(tmp_path)
+    orders, planned_on = iter([("draw", LINE), ("go on",), ("stop",)]), list[np.ndarray]()
+
+    def plan(context: PaintContext, remaining: Strokes, canvas: np.ndarray, **rest: Any) -> Strokes:
+        planned_on.append(canvas)
+        return replanned_and_pruned(context, remaining, canvas, **rest)
+
+    monkeypatch.setattr(session, "replanned_and_pruned", plan)
+    drawn: list[PaintingState] = []
+
+    def person(state: PaintingState, control: Control) -> None:
+        if state.phase == "your turn":
+            control.send(*next(orders))
+            drawn.append(state)
+
+    painted(tmp_path, person)
+    assert len(planned_on) == 2  # at the start of the session, and after the person's line
+    assert np.abs(planned_on[1].astype(int) - drawn[1].canvas).max() < 30  # the camera's noise
+    assert np.abs(planned_on[1].astype(int) - planned_on[0]).max() > 60
+
+
+def test_refused_line_leaves_what_can_be_undone(tmp_path: Path) -> None:
+    orders = iter([("draw", json.dumps({"points": [[2.0, 2.0, 0.5]]})), ("undo",)])
+
+    def person(state: PaintingState, control: Control) -> None:
+        if state.phase == "your turn":
+            control.send(*next(orders))
+
+    assert painted(tmp_path, person).phase == "undoing"
 
 
 def test_undo_that_was_killed_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,7 +39,10 @@ def confirmed(*, is_at_terminal: bool, executes: bool) -> bool:
         ConfigError: hardware is to move, and nobody can confirm.
     """
     if is_at_terminal:
-        return yes_at_terminal("Shall this be painted?")
+        try:
+            return yes_at_terminal("Shall this be painted?")
+        except EOFError:
+            return False
     if executes:
         raise ConfigError(
             "What was heard may be wrong, so hardware moves only after you confirmed it at a terminal; or give the "

@@ -24,6 +24,7 @@ _LONGEST_M: Final = 0.3  # of a path of a tool with its own ink
 _APART_M: Final = 0.2e-3  # minimum distance of neighbouring points
 _LONGEST_S: Final = 20.0  # of a path; an envelope allows 30 s
 _EDGE: Final = 1e-3  # distance from the sheet's edge, in its sides
+_FARTHEST: Final = 1e3  # coordinate or pressure of a point, in its unit: no screen is larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,4 +135,6 @@ def _read(text: str) -> tuple[FloatArray, FloatArray]:
         raise ConfigError("The line that was drawn needs points of x, y and pressure, and a colour of three numbers.")
     if not (np.isfinite(points).all() and np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1):
         raise ConfigError("The line that was drawn has numbers that are not finite, or a colour outside 0 to 1.")
+    if np.abs(points).max() > _FARTHEST:
+        raise ConfigError("The line that was drawn has points far outside the sheet; draw it again.")
     return points, color

@@ -56,6 +56,8 @@ _NEW_SHARE = 0.35
 """Strokes of which less than this share was to darken the canvas tell nothing of the tool."""
 _EXECUTED = 0.5
 """A pending stroke that shows more than this share of its predicted change was executed."""
+_WAITING = ("your turn", "choosing", "undoing", "undone")
+"""Phases in which the robot paints nothing before a person has answered, also after a fault."""
 
 
 def begin(
@@ -119,6 +121,8 @@ def resume(session: PaintingSession, wish: str = "") -> PaintingState:
         state = task.start(state, state.phase if waits else "painting")
         if wish or waits:
             state, interrupt = task.turn(state, first)
+            if interrupt == "changed" and len(state.remaining):
+                state = at.checkpoint(task.replan(state, changed=True))
         if interrupt != "stop":
             state, outcome = run_loop(task, state, hooks)
         at.keep_photograph(state)
@@ -291,11 +295,15 @@ class _StrokeByStroke:
 
 
 def _save_reason(session: PaintingSession, reason: str, error: BaseException) -> None:
-    """Save why the session stopped. Where that fails, the last state stays as it is."""
+    """Save why the session stopped. Where that fails, the last state stays as it is.
+
+    What waits for a person, or for an undo, still does so when the painting is resumed.
+    """
     try:
-        state = replace(load_state(session.folder), phase="stopped", message=reason)
-        save_state(session.folder, state)
+        state = load_state(session.folder)
+        phase: Phase = state.phase if state.phase in _WAITING else "stopped"
+        save_state(session.folder, replace(state, phase=phase, message=reason))
     except (PentimentoError, OSError) as failure:
         error.add_note(f"That it stopped could not be written down ({failure}); the last state is still there.")
     else:
-        session.on_state(state)
+        session.on_state(replace(state, phase="stopped", message=reason))

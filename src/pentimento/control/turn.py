@@ -51,11 +51,11 @@ def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[Painti
     Returns:
         The state to go on from, and whether to stop; in the phase "undoing", to undo.
     """
-    if order.command == "your turn":
-        state = at.rest(state, "your turn", f"{order.value} {_invitation(state)}".strip())
     while True:
         try:
             match order.command:
+                case "your turn" | "pause":  # also again: the page waits for an answer to every command
+                    state = at.rest(state, "your turn", f"{order.value} {_invitation(state)}".strip())
                 case "stop":
                     return state, "stop"
                 case "undo":
@@ -194,12 +194,13 @@ def _chosen(at: Workplace, state: PaintingState, proposal: Proposal) -> tuple[Pa
     control.forget("choose")  # among other goals
     state = at.rest(state, "choosing", " ".join([message, *_sentences(proposal)]))
     order = control.wait()
-    while order.command != "choose" or not (order.value.isdecimal() and 1 <= int(order.value) <= len(goals)):
+    numbers = [str(number) for number in range(1, len(goals) + 1)]
+    while order.command != "choose" or order.value not in numbers:
         if order.command not in FOR_A_TURN:
             control.send(order.command, order.value)
             raise ConfigError("None of the goals was chosen.")
         order = control.wait()
-    return at.look(state, "the look after your choice"), int(order.value) - 1
+    return at.look(state, "the look after your choice"), numbers.index(order.value)
 
 
 def _drawn(at: Workplace, state: PaintingState, line: str) -> PaintingState:
@@ -210,8 +211,9 @@ def _drawn(at: Workplace, state: PaintingState, line: str) -> PaintingState:
     """
     if not at.session.traits.in_studio:
         raise ConfigError("Lines can be drawn on the page in the studio only; draw on the sheet.")
+    strokes = drawn_strokes(line, at.tool, at.context.canvas_size_m)
     forget(at.session.folder)
-    for stroke in drawn_strokes(line, at.tool, at.context.canvas_size_m):
+    for stroke in strokes:
         at.watchdog.beat(3 * at.session.traits.reach_s + 2 * float(stroke.path[-1, 0]), "your stroke")
         if at.tool.dips:
             at.robot.wipe()

@@ -220,3 +220,10 @@ def test_descent_leaves_fixed_paints() -> None:
     )  # fmt: skip
     np.testing.assert_array_equal(paints.linear[1], linear[1])
     assert np.abs(paints.linear[0] - linear[0]).max() > 0.01
+
+
+def test_given_paints_stay_as_they_are_however_dark() -> None:
+    given = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    blot = replace(scene(), target=np.zeros_like(WHITE))
+    _, palette = plan(WHITE, blot, 4, replace(CONFIG, palette=PaletteChoice("given", None, None, given)), unheard)
+    assert np.abs(palette[:, None] - np.array(given)).max(-1).min(1) == pytest.approx(np.zeros(len(palette)), abs=1e-6)

@@ -38,7 +38,6 @@ from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import virtual_robot
 from pentimento.semantics.encoder import Encoder, as_images
 from pentimento.semantics.objective import EncoderMeaning, with_views
-from pentimento.semantics.scores import embed_all
 from pentimento.semantics.style import style_of
 
 Light = NDArray[np.float32]
@@ -46,6 +45,8 @@ Picture = NDArray[np.uint8]
 
 SUM = "sum"
 """The painting by all objectives of a setting."""
+_AT_ONCE = 256
+"""Pictures of the scenes that are decoded and embedded together: all of them may not fit into memory."""
 _JUDGED_VIEWS = 8
 """Views in which the judge, and the objectives of a finished plan, see a picture, beside the plain one."""
 
@@ -177,10 +178,14 @@ def _before_a_blank_sheet(setting: MeaningSetting, tool: Tool, studio_seed: int)
 
 def nearest_picture(words: str, rows: Sequence[Mapping[str, Any]], guide: Encoder) -> Picture:
     """The picture, sRGB [H, W, 3], of the scenes (rows of the scenes contract) that is nearest to the words."""
-    pictures = [decode_png(row["image"]["bytes"]) for row in rows]
     with torch.no_grad():
-        cosines = embed_all(guide, as_images(pictures)) @ guide.embed_texts([words])[0]
-    return pictures[int(cosines.argmax())]
+        wanted = guide.embed_texts([words])[0]
+        cosines = torch.cat([
+            guide.embed_images(as_images([decode_png(row["image"]["bytes"]) for row in rows[at : at + _AT_ONCE]]))
+            @ wanted
+            for at in range(0, len(rows), _AT_ONCE)
+        ])  # fmt: skip
+    return decode_png(rows[int(cosines.argmax())]["image"]["bytes"])
 
 
 def similarity(judge: Encoder, picture: Picture, other: Picture) -> float:

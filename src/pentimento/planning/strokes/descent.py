@@ -93,7 +93,8 @@ def descend(
         share = half_cosine(iteration, iterations, rate, last_rate)
         adam.step(gradients[: len(moved)], [share * step for step in rates])
         if paints is not None:
-            np.clip(paints.linear, DARKEST, 1.0, out=paints.linear)
+            if free_color:  # paints that were given stay as they are
+                np.clip(paints.linear, DARKEST, 1.0, out=paints.linear)
             strokes.color[:] = paints.linear[paints.index]
         strokes.keep_within(scene.tool, scene.canvas_size_m, config.edge_m)
 
