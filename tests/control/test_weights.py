@@ -87,6 +87,15 @@ def test_run_weighs_taught_words_at_first_and_after_a_new_wish(bundle: Path, tmp
     assert json.loads((out / "turns" / "001.json").read_text())["words"] == "a cat"
 
 
+def test_run_refuses_the_weight_of_words_that_were_not_said(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(bundle), "--weights", "text=1", "--out", str(out)]) == 1
+    assert "say with --goal-text what to paint" in capsys.readouterr().err
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(
     ("weights", "sentence"),
     [

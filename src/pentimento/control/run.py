@@ -106,6 +106,8 @@ def commission_of(
     opened = open_bundle(bundle)
     if weights is not None and weights.text > 0 and wanted.kind == "picture":
         raise ConfigError("The weight of text is that of the words asked for: give --goal-text instead of a picture.")
+    if weights is not None and weights.print + weights.semantic == 0 and not wanted.value:
+        raise ConfigError("Only text has a weight, and nothing was asked for: say with --goal-text what to paint.")
     # Both are checked here, so that an error leaves no folder behind.
     if wanted.kind == "picture":
         read_image(Path(wanted.value))

@@ -72,6 +72,8 @@ class MeaningSetting:
     def __post_init__(self) -> None:
         at_least(self, 0, "darkest")
         at_least(self, 1, "strokes", "replan_every")
+        if self.darkest >= 1:
+            raise ValueError(f"darkest is {self.darkest}; it must be below 1, or the target is all white.")
         objectives = self.planner.objectives
         if (self.picture is None) != (objectives.text is not None and not objectives.has_target):
             raise ValueError(
