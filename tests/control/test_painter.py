@@ -15,6 +15,7 @@ from pentimento.control.painter import (
     as_picture,
     due_for_dip,
     first_plan,
+    keep_persons_paint,
     objective_value,
     paint,
     predict,
@@ -169,6 +170,19 @@ def test_replanned_and_pruned_removes_strokes_that_a_person_made_redundant(plann
         len(replanned_and_pruned(CONTEXT, planned, PAPER, goal=GOAL, start=START, palette_srgb=INK_SRGB))
         >= len(planned) - 2
     )
+
+
+def test_what_a_person_paints_becomes_part_of_the_goal() -> None:
+    goal, before = np.full((20, 30, 3), 200, np.uint8), np.full((20, 30, 3), 245, np.uint8)
+    now = before.copy()
+    now[5:8, 10:20] = [40, 40, 160]
+    kept = keep_persons_paint(goal, before, now)
+    np.testing.assert_array_equal(kept[5:8, 10:20], now[5:8, 10:20])
+    np.testing.assert_array_equal(kept[4, 10:20], now[4, 10:20])  # a rim, where a line is soft
+    untouched = np.ones((20, 30), bool)
+    untouched[4:9, 9:21] = False
+    np.testing.assert_array_equal(kept[untouched], goal[untouched])
+    np.testing.assert_array_equal(keep_persons_paint(goal, before, before), goal)
 
 
 def test_add_persons_paint_marks_changed_cells_and_time() -> None:

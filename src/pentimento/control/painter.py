@@ -270,9 +270,21 @@ def objective_value(context: PaintContext, image: Array, goal: Image, start: Sta
     return objective_for(context.scene(as_linear(goal), start), context.planner)(image)[0]
 
 
+def keep_persons_paint(goal: Image, before: Image, now: Image) -> Image:
+    """The goal [H, W, 3] with what a person painted between two pictures of the canvas, so that the robot keeps it."""
+    rim = np.ones((3, 3), np.uint8)
+    painted = cv2.dilate(_changed(before, now).astype(np.uint8), rim).astype(bool)
+    return np.where(painted[..., None], now, goal)
+
+
+def _changed(before: Image, now: Image) -> NDArray[np.bool_]:
+    """[H, W] where two pictures of the canvas differ."""
+    return np.asarray(np.abs(to_float(now) - to_float(before)).max(axis=2) > _CHANGED)
+
+
 def add_persons_paint(memory: Memory, before: Image, now: Image, clock_s: float) -> Memory:
     """The memory with fresh paint where a person changed the canvas between two pictures [H, W, 3]."""
-    changed = np.abs(to_float(now) - to_float(before)).max(axis=2) > _CHANGED
+    changed = _changed(before, now)
     rows, columns = memory.ink.shape
     share = cv2.resize(changed.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA).astype(np.float64)
     painted_at_s = np.where(share > 0, clock_s, memory.painted_at_s)

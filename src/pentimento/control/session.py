@@ -29,6 +29,7 @@ from pentimento.control.painter import (
     as_picture,
     due_for_dip,
     first_plan,
+    keep_persons_paint,
     predict_canvas,
     replanned,
     replanned_and_pruned,
@@ -277,7 +278,8 @@ class _StrokeByStroke:
             remaining = state.remaining.pick(slice(1, None))
             state = replace(state, remaining=remaining, executed=state.executed + 1, memory=memory)
         memory = due_for_dip(add_persons_paint(state.memory, state.canvas, canvas, self.at.clock_s), self.tool)
-        state = replace(state, pending=False, canvas=canvas, memory=memory)
+        goal = keep_persons_paint(state.goal, state.canvas, canvas)
+        state = replace(state, pending=False, canvas=canvas, memory=memory, goal=goal)
         return self._with_new_plan(state, changed=True)
 
     def _was_executed(self, state: PaintingState, canvas: Picture) -> bool:

@@ -80,7 +80,12 @@ def beside_standing(request: Understood, canvas: Picture, standing: Standing, *,
 
 def sentences(request: Understood, standing: Standing) -> list[str]:
     """What the person must know, such as "the house: the one on the canvas"."""
-    return [f"the {_name(thing.words)}: the one on the canvas" for thing in known_things(request, standing)]
+    known = known_things(request, standing)
+    new = [thing for thing in request.things if thing.is_definite and thing not in known]
+    return [
+        *(f"the {_name(thing.words)}: the one on the canvas" for thing in known),
+        *(f"the {_name(thing.words)}: none that the robot drew is on the canvas, so one is drawn" for thing in new),
+    ]
 
 
 def _pair(things: Sequence[Asked], new: Sequence[Asked], anchor: Asked) -> tuple[Asked, Asked]:

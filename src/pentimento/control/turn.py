@@ -155,11 +155,13 @@ def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
     session, context = at.session, at.context
     at.robot.lift()
     state = _end_of_turn(at, state)
+    state = at.checkpoint(replace(state, message="The robot thinks of what to draw."))
     at.watchdog.beat(PLAN_S, "a new goal")
     proposal = session.goals_for(state.canvas, words)
     state, number = _chosen(at, state, proposal)
     goal, things = proposal.goals[number], proposal.things[number] if proposal.things else ()
     forget(session.folder)
+    state = at.checkpoint(replace(state, phase="painting", message="The robot plans its strokes."))
     at.watchdog.beat(PLAN_S, "a new plan")
     turn = Turn(state.turns, words, state.executed, 0, tuple(things))
     remaining, palette = first_plan(

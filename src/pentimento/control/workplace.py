@@ -23,7 +23,7 @@ from pentimento.control.execute import Session
 from pentimento.control.guard import GuardedRobot, Watchdog
 from pentimento.control.layout import Wish
 from pentimento.control.open_robot import RobotTraits
-from pentimento.control.painter import PaintContext, add_persons_paint, due_for_dip
+from pentimento.control.painter import PaintContext, add_persons_paint, due_for_dip, keep_persons_paint
 from pentimento.control.person import Control
 from pentimento.control.pictures import PHOTOGRAPH, enlarged
 from pentimento.control.recording import RECORD, StrokeRecording
@@ -150,14 +150,15 @@ class Workplace:
         return self.checkpoint(replace(state, memory=memory, phase=phase, message=message))
 
     def look(self, state: PaintingState, what: str) -> PaintingState:
-        """The state with the canvas as the camera sees it now, and what a person painted there."""
+        """The state with the canvas as the camera sees it now; what a person painted there becomes part of the goal."""
         self.watchdog.beat(OBSERVE_S, what)
         if self.camera is None:
             return state
         seen = self.camera.observe()
         memory = add_persons_paint(state.memory, state.canvas, seen.picture, self.clock_s)
+        goal = keep_persons_paint(state.goal, state.canvas, seen.picture)
         self.photo = seen.photo
-        return replace(state, memory=due_for_dip(memory, self.tool), canvas=seen.picture)
+        return replace(state, memory=due_for_dip(memory, self.tool), canvas=seen.picture, goal=goal)
 
     def load(self, palette_srgb: FloatArray) -> None:
         """Load the paints of a plan, if the tool takes any and the plan has any."""

@@ -37,7 +37,9 @@ async function refresh() {
     const state = await answer.json();
     if ("phase" in state) show(state);
   } catch {
-    say(message, "The painting has ended, or goes on at a new address. Its folder and how to go on are at the terminal.");
+    say(message, "The painting has ended, or goes on at a new address. The terminal names its folder, with the picture, " +
+      "the SVG and the G-code, and how to go on.");
+    document.querySelector("#save").hidden = true;
     shown = pen = null;
     lines.classList.remove("active");
     for (const button of document.querySelectorAll("button")) button.disabled = true;
@@ -51,6 +53,7 @@ function say(element, text) {
 
 function show(state) {
   say(message, state.message);
+  document.querySelector("#save").hidden = false;
   say(count, `${state.executed} of ${state.total} strokes painted` +
     (state.turns ? `, ${state.turns} turn${state.turns > 1 ? "s" : ""} of yours` : ""));
   done.style.width = `${state.total ? (100 * state.executed) / state.total : 100}%`;
