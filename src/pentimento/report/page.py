@@ -59,9 +59,11 @@ def build_report(inputs: ReportInputs, config: ReportConfig) -> dict[str, bytes]
         opening=opening(inputs.paintings[0], config.frame_ms, album),
         summaries=[summary(painting) for painting in inputs.paintings],
         links=_links(inputs),
-        painting_sections=[painting_section(painting, config.frame_ms, album) for painting in inputs.paintings],
-        other_sections=[
+        painting_sections=[
+            *(painting_section(painting, config.frame_ms, album) for painting in inputs.paintings),
             *([meanings_section([*inputs.meanings], album)] if inputs.meanings else []),
+        ],
+        other_sections=[
             *(tool_section(tool, config.strokes.shown, album) for tool in inputs.tools),
             *([diagnoses_section(inputs.diagnoses, album)] if inputs.diagnoses else []),
             *([handwriting_section(inputs.handwriting, album)] if inputs.handwriting else []),
