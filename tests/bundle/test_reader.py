@@ -303,7 +303,7 @@ def test_open_bundle_rejects_an_envelope_wider_than_the_local_one(bundle: Path) 
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"schema": 1}, "schema 1 and this version reads 5; write the bundle again with the stage deploy"),
+        ({"schema": 1}, "schema 1 and this version reads 6; write the bundle again with the stage deploy"),
         ({"sculpting": {"clay_foam": to_plain(SETTINGS)}}, "refers to 'clay_foam'"),
         ({"schema": "1"}, "schema '1'"),
         ({"more": 1}, r"unknown keys \['more'\]"),
@@ -338,7 +338,7 @@ def test_open_bundle_rejects_a_damaged_vocabulary(tmp_path: Path, text: str) -> 
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"schema": 5, "schema": 5}', '{"schema": NaN}', "[" * 100_000, "\xff"]
+    "text", ["", "[]", "{", '{"schema": 6, "schema": 6}', '{"schema": NaN}', "[" * 100_000, "\xff"]
 )
 def test_open_bundle_rejects_malformed_json(bundle: Path, text: str) -> None:
     (bundle / MANIFEST).write_bytes(text.encode("latin-1"))

@@ -34,7 +34,8 @@ PLANNER: dict[str, Any] = {
     "relocate_share": 0.0, "min_gain_per_stroke": 0.0,
     "palette": {"source": "ink", "size": None, "picture": None, "colors_srgb": None}, "sweeps": 1, "path_points": 8,
     "pixels_per_m": 400, "edge_m": "3 mm", "distances_px": [1, 2],
-    "objectives": {"print_weight": 1.0, "style": None}, "execution_noise": {"thinning": 0.0, "shift_m": "0 mm"},
+    "objectives": {"print_weight": 1.0, "semantic_weight": 0.0, "text": None, "style": None},
+    "execution_noise": {"thinning": 0.0, "shift_m": "0 mm"},
     "learning_rates": {
         "middle_m": "0.8 mm", "theta_rad": 0.04, "length_m": "0.8 mm", "bend_m": "0.5 mm", "press_m": "0.02 mm",
         "color": 0.0,

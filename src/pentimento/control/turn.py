@@ -192,7 +192,10 @@ def _chosen(at: Workplace, state: PaintingState, proposal: Proposal) -> tuple[Pa
     shutil.rmtree(folder, ignore_errors=True)  # of an earlier turn
     for number, goal in enumerate(goals, 1):
         write_png(folder / f"{number}.png", goal)
-    message = f"Choose one of the goals: click it, or type its number, 1 to {len(goals)} (folder {GOALS})."
+    message = (
+        f"Choose one of the goals: click it, or type its number, 1 to {len(goals)} (pictures in the folder {GOALS}). "
+        "Say your turn to choose none of them."
+    )
     control.forget("choose")  # among other goals
     state = at.rest(state, "choosing", " ".join([message, *_sentences(proposal)]))
     order = control.wait()

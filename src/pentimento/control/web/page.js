@@ -56,14 +56,14 @@ function show(state) {
   document.querySelector("#save").hidden = false;
   say(count, `${state.executed} of ${state.total} strokes painted` +
     (state.turns ? `, ${state.turns} turn${state.turns > 1 ? "s" : ""} of yours` : ""));
-  done.style.width = `${state.total ? (100 * state.executed) / state.total : 100}%`;
+  done.style.width = `${state.total ? (100 * state.executed) / state.total : 0}%`;
   bar.setAttribute("aria-valuemax", state.total);
   bar.setAttribute("aria-valuenow", state.executed);
   for (const button of buttons) button.disabled = !(accepted[state.phase] ?? []).includes(button.dataset.command);
   undo.hidden = state.pen === null; // a real sheet keeps its paint
   if (!state.undo) undo.disabled = true;
   if (state.phase === "your turn" && state.executed === state.total) goOn.disabled = true;
-  wish.querySelector("button").disabled = !(state.phase in accepted);
+  for (const button of wish.querySelectorAll("button")) button.disabled = !(state.phase in accepted);
   received = state.lines;
   pen = state.phase === "your turn" ? state.pen : null;
   if (pen === null && (sent.length || line !== null)) {
