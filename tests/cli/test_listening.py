@@ -1,4 +1,4 @@
-"""`pentimento run --listen`: what is spoken is painted, and nothing is painted of what is no wish."""
+"""`pentimento run --listen`: a spoken wish is painted, and other sounds are refused."""
 
 from __future__ import annotations
 

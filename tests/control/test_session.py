@@ -114,6 +114,23 @@ def test_session_resumes_on_the_same_canvas_after_stop(tmp_path: Path) -> None:
     assert starts == sorted(starts)
 
 
+def test_other_light_after_a_resume_is_not_a_wish(tmp_path: Path) -> None:
+    first, control = journaled_sheet(tmp_path), Control()
+    planned = len(begun(first, tmp_path).remaining)
+
+    def stop_after_five(state: PaintingState) -> None:
+        if state.executed == 5:
+            control.send("stop")
+
+    stopped = resume(session_of(first, tmp_path, control, stop_after_five))
+    first.close()
+    lighter = np.minimum(stopped.canvas.astype(int) + 25, 255).astype(np.uint8)  # as it was in the light of that day
+    save_state(tmp_path, replace(stopped, canvas=lighter))
+    done = finished(journaled_sheet(tmp_path), tmp_path)
+    np.testing.assert_array_equal(done.goal, stopped.goal)
+    assert done.executed >= planned - 2
+
+
 def test_session_replans_after_a_persons_turn(tmp_path: Path, painted: Painted) -> None:
     robot = sheet()
     planned = len(begun(robot, tmp_path).remaining)

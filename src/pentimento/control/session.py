@@ -29,7 +29,6 @@ from pentimento.control.painter import (
     as_picture,
     due_for_dip,
     first_plan,
-    keep_persons_paint,
     predict_canvas,
     replanned,
     replanned_and_pruned,
@@ -278,8 +277,8 @@ class _StrokeByStroke:
             remaining = state.remaining.pick(slice(1, None))
             state = replace(state, remaining=remaining, executed=state.executed + 1, memory=memory)
         memory = due_for_dip(add_persons_paint(state.memory, state.canvas, canvas, self.at.clock_s), self.tool)
-        goal = keep_persons_paint(state.goal, state.canvas, canvas)
-        state = replace(state, pending=False, canvas=canvas, memory=memory, goal=goal)
+        # The goal stays: light that changed, paint that dried or a stroke cut short is nothing that a person asked for.
+        state = replace(state, pending=False, canvas=canvas, memory=memory)
         return self._with_new_plan(state, changed=True)
 
     def _was_executed(self, state: PaintingState, canvas: Picture) -> bool:

@@ -1,4 +1,4 @@
-""" "The house": things that stand on the canvas since an earlier turn, and the places of what is asked for beside them.
+""" "The house": things that stand on the canvas since an earlier turn, and the places of new things beside them.
 
 A request's article tells them from new things: "a tree beside the house" draws a tree alone, where a house stands.
 """

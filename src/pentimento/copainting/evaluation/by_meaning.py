@@ -77,8 +77,8 @@ class MeaningSetting:
         objectives = self.planner.objectives
         if (self.picture is None) != (objectives.text is not None and not objectives.has_target):
             raise ValueError(
-                f"picture is {self.picture!r} while the objectives are {objectives}; null needs words, with "
-                "print_weight and semantic_weight 0, and everything else needs a picture."
+                f"picture is {self.picture!r}; null needs words, with print_weight and semantic_weight 0, and all "
+                "other objectives need a picture."
             )
 
 
@@ -106,14 +106,14 @@ class PaintedByMeaning:
 
 def alternatives(objectives: ObjectivesConfig) -> dict[str, ObjectivesConfig]:
     """The sum, each of its terms alone, and always the print objective, of where the others start."""
-    none = ObjectivesConfig(print_weight=0.0, semantic_weight=1.0, text=None, style=None)
+    semantic = ObjectivesConfig(print_weight=0.0, semantic_weight=1.0, text=None, style=None)
     found = {"print": PRINT_ALONE}
     if objectives.semantic_weight > 0:
-        found["semantic"] = none
+        found["semantic"] = semantic
     if objectives.text is not None:
-        found["text"] = replace(none, semantic_weight=0.0, text=objectives.text)
+        found["text"] = replace(semantic, semantic_weight=0.0, text=objectives.text)
     if objectives.style is not None:
-        found["style"] = replace(none, semantic_weight=0.0, style=objectives.style)
+        found["style"] = replace(semantic, semantic_weight=0.0, style=objectives.style)
     return {SUM: objectives} | {name: alone for name, alone in found.items() if alone != objectives}
 
 
