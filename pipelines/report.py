@@ -38,6 +38,7 @@ def main(arguments: argparse.Namespace) -> None:
     inputs |= {f"gap.push_{material}": arguments.gap / f"push_{material}" for material in sculpted}
     drawings = {setting: arguments.hands / setting for setting in arguments.drawn}
     inputs |= {f"hands.{setting}": path for setting, path in drawings.items()}
+    inputs |= {"subjects_in_hands": arguments.subjects}
     inputs |= {"trajvae": arguments.models / "trajvae/weights"}
     inputs |= {"demonstrations": arguments.demonstrations}
     inputs |= {"performances": arguments.performances, "benchmarks": arguments.benchmarks}
@@ -48,7 +49,9 @@ def main(arguments: argparse.Namespace) -> None:
             benchmarks=read_benchmarks(arguments.benchmarks),
             meanings=read_meanings(arguments.meanings),
             diagnoses=[read_diagnosis(tool, arguments.gap / tool) for tool in arguments.tools],
-            handwriting=read_handwriting(drawings, arguments.models / "trajvae/weights", arguments.demonstrations),
+            handwriting=read_handwriting(
+                drawings, arguments.subjects, arguments.models / "trajvae/weights", arguments.demonstrations
+            ),
             evaluations=[read_copainting(setting, arguments.evaluations / setting) for setting in arguments.evaluated],
             sculptures=[
                 read_sculpture(name, arguments.sculptures / name, folder, arguments.gap / f"push_{name}")
@@ -73,6 +76,7 @@ if __name__ == "__main__":
     parser.add_argument("--performances", required=True, type=Path, help="what the bundle painted")
     parser.add_argument("--sculptures", required=True, type=Path, help="folder of a sculpture for each material")
     parser.add_argument("--hands", required=True, type=Path, help="drawings in handwriting styles")
+    parser.add_argument("--subjects", required=True, type=Path, help="named things in handwriting styles")
     parser.add_argument("--demonstrations", required=True, type=Path)
     parser.add_argument("--benchmarks", required=True, type=Path, help="output of `make bench`")
     parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+import pentimento.handwriting.subjects as subjects
 import pipelines.draw_in_hands as draw
+import pipelines.draw_subjects_in_hands as draw_subjects
 import pipelines.gather_demonstrations as gather
 import pipelines.train_trajvae as train
 from pentimento.contracts.errors import ConfigError, ContractError
@@ -59,6 +61,15 @@ SECTIONS = {
         },
     },
 }  # fmt: skip
+PORTRAIT = SECTIONS["draw_in_hands"]["settings"]["portrait"]
+SECTIONS["draw_subjects_in_hands"] = {
+    "seed": 7, "views": 1, "settings": {
+        "marker": {
+            "tool": "marker", "world": "marker", "side_m": "80 mm", "subjects": 1, "ink_length_m": 0.3,
+            "replan_every": 100, "planner": PORTRAIT["planner"],
+        },
+    },
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -71,7 +82,7 @@ def bytes_of(folder: Path) -> dict[str, bytes]:
     return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
-def test_from_made_up_hands_to_drawings(folder: Path) -> None:
+def test_from_made_up_hands_to_drawings(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one", "other"):
         gather.main(argparse.Namespace(out=folder / name / "demonstrations"))
         train.main(
@@ -111,6 +122,23 @@ def test_from_made_up_hands_to_drawings(folder: Path) -> None:
     lengths = [np.linalg.norm(np.diff(stroke.path[:, 1:3], axis=0), axis=1).sum() for stroke in drawn.strokes]
     assert sum(lengths) == pytest.approx(metrics["ink_length_m"]["dots"], rel=1e-6)
 
+    # The judge here knows no thing, so that it cannot choose one.
+    monkeypatch.setattr(subjects, "choose_subjects", lambda *_, **__: (["house"], 1.0))
+    out = folder / "subjects"
+    draw_subjects.main(
+        argparse.Namespace(
+            demonstrations=folder / "one/demonstrations", hands=folder / "one/hands", models=folder / "models",
+            tools=["marker"], semantics=folder / "judge", judge=folder / "judge", out=out,
+        )
+    )  # fmt: skip
+    found = json.loads((out / "metrics.json").read_text())["marker"]
+    assert found["subjects"] == ["house"]
+    assert set(found["named"]) == {*found["hands"], "bezier", "target", "blank"}
+    assert found["own_strokes"] > 2 * found["chance"]["hand"]
+    shown = read_image(out / "marker/contact_sheet.png")
+    assert shown.shape == (2 * 240, (2 + len(found["hands"])) * 240, 3)
+    assert min(shown[240:, at : at + 240].min() for at in range(0, shown.shape[1], 240)) < 100
+
 
 def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
     sections = {**SECTIONS, "train_trajvae": {**SECTIONS["train_trajvae"], "few_shot_strokes": 14}}
@@ -126,6 +154,7 @@ def test_a_hand_without_strokes_to_measure_is_refused(folder: Path) -> None:
         ("gather_demonstrations", "points", 1, gather.GatherDemonstrations, "points is 1"),
         ("train_trajvae", "few_shot_strokes", 1, train.TrainTrajVAE, "few_shot_strokes is 1"),
         ("draw_in_hands", "views", -1, draw.DrawInHands, "views is -1; it must be 0 or more"),
+        ("draw_subjects_in_hands", "views", -1, draw_subjects.DrawSubjectsInHands, "views is -1; it must be 0 or more"),
     ],
 )
 def test_a_number_out_of_its_range_is_one_sentence(

@@ -16,8 +16,10 @@ PICTURE = encode_png(np.full((8, 8, 3), 150, np.uint8))
 NAMES = ("ann", "b<o>b", "bezier", "nobody")
 
 
-def write(folder: Path) -> tuple[dict[str, Path], Path, Path]:
-    drawings, weights, demonstrations = (folder / name for name in ("drawings", "weights", "demonstrations"))
+def write(folder: Path) -> tuple[dict[str, Path], Path, Path, Path]:
+    drawings, subjects, weights, demonstrations = (
+        folder / name for name in ("drawings", "subjects", "weights", "demonstrations")
+    )
     executed = {"ann": [0.9, 0.1], "b<o>b": [0.3, 0.7], "bezier": [1.0, 0.0], "nobody": [0.5, 0.5]}
     taken_for: dict[str, Any] = {
         "hands": ["ann", "b<o>b"], "executed": executed, "people": {}, "diagonal": 0.8, "diagonal_min": 0.7,
@@ -36,12 +38,23 @@ def write(folder: Path) -> tuple[dict[str, Path], Path, Path]:
         (drawings / name / "drawing.png").write_bytes(PICTURE)
     (drawings / "target.png").write_bytes(PICTURE)
     (drawings / "metrics.json").write_text(json.dumps(drawn))
+    drawn_subjects = {
+        "subjects": ["cat", "sun"],
+        "named": {"ann": ["cat", "egg"], "b<o>b": ["cat", "sun"], "bezier": ["dog", "sun"], "target": ["cat", "sun"]},
+        "named_right": {"ann": 0.5, "b<o>b": 1.0, "bezier": 0.5},
+        "subjects_named_right": 0.75, "targets_named_right": 0.62, "own_strokes": 0.97, "own_drawings": 1.0,
+        "hands": ["ann", "b<o>b"],
+        "chance": {"subject": 1 / 245, "hand": 0.5},
+    }  # fmt: skip
+    (subjects / "marker").mkdir(parents=True)
+    (subjects / "marker/contact_sheet.png").write_bytes(PICTURE)
+    (subjects / "metrics.json").write_text(json.dumps({"marker": drawn_subjects}))
     weights.mkdir()
     (weights / "metrics.json").write_text(json.dumps({"ann": errors, "b<o>b": errors, "map": near}))
     (weights / "latent_map.png").write_bytes(PICTURE)
     demonstrations.mkdir()
     (demonstrations / "strokes.png").write_bytes(PICTURE)
-    return {"portrait": drawings}, weights, demonstrations
+    return {"portrait": drawings}, subjects, weights, demonstrations
 
 
 def test_section_has_all_drawings_and_the_confusion_matrix(tmp_path: Path) -> None:
@@ -49,7 +62,14 @@ def test_section_has_all_drawings_and_the_confusion_matrix(tmp_path: Path) -> No
     html = handwriting_section(read_handwriting(*write(tmp_path)), album)
     assert {
         f"hands_{name}.png"
-        for name in ("portrait_target", "portrait_ann", "portrait_b<o>b", "portrait_bezier", "latent_map")
+        for name in (
+            "portrait_target",
+            "portrait_ann",
+            "portrait_b<o>b",
+            "portrait_bezier",
+            "latent_map",
+            "subjects_marker",
+        )
     } <= set(album.files)
     assert "b<o>b" not in html
     for text in (
@@ -59,6 +79,10 @@ def test_section_has_all_drawings_and_the_confusion_matrix(tmp_path: Path) -> No
         "Bézier strokes",
         "blank sheet 0.0900",
         "random latents",
+        "among 245 things",
+        "right in 75\u00a0%",
+        "<b>cat</b>",
+        ">egg<",
     ):
         assert text in html
 

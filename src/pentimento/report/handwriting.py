@@ -13,7 +13,7 @@ from markupsafe import Markup
 from pentimento.contracts.errors import ContractError
 from pentimento.report.html import Album, bar
 from pentimento.report.templates import render
-from pentimento.report.wording import decimal, percent
+from pentimento.report.wording import decimal, percent, tool_name
 
 _BEZIER, _NOBODY = "bezier", "nobody"
 
@@ -36,10 +36,21 @@ class DrawnInHands:
 
 
 @dataclass(frozen=True, eq=False)
+class SubjectsInHands:
+    """The output of the stage draw_subjects_in_hands for one setting."""
+
+    setting: str
+    metrics: dict[str, Any]
+    sheet: bytes
+    """PNG."""
+
+
+@dataclass(frozen=True, eq=False)
 class HandwritingInputs:
-    """The outputs of the stages train_trajvae and draw_in_hands."""
+    """The outputs of the stages train_trajvae, draw_in_hands and draw_subjects_in_hands."""
 
     drawn: list[DrawnInHands]
+    subjects: list[SubjectsInHands]
     learned: dict[str, Any]
     """metrics.json of TrajVAE."""
     strokes: bytes
@@ -47,8 +58,10 @@ class HandwritingInputs:
     latent_map: bytes
 
 
-def read_handwriting(drawings: Mapping[str, Path], weights: Path, demonstrations: Path) -> HandwritingInputs:
-    """Read the folders of drawings by setting, of TrajVAE's weights and of the demonstrations.
+def read_handwriting(
+    drawings: Mapping[str, Path], subjects: Path, weights: Path, demonstrations: Path
+) -> HandwritingInputs:
+    """Read the folders of drawings by setting, of drawn subjects, of TrajVAE's weights and of the demonstrations.
 
     Raises:
         ContractError: metrics or a picture are missing.
@@ -56,15 +69,19 @@ def read_handwriting(drawings: Mapping[str, Path], weights: Path, demonstrations
     try:
         return HandwritingInputs(
             drawn=[_read_drawn(setting, folder) for setting, folder in drawings.items()],
+            subjects=[
+                SubjectsInHands(name, metrics, (subjects / name / "contact_sheet.png").read_bytes())
+                for name, metrics in json.loads((subjects / "metrics.json").read_text(encoding="utf-8")).items()
+            ],
             learned=json.loads((weights / "metrics.json").read_text(encoding="utf-8")),
             strokes=(demonstrations / "strokes.png").read_bytes(),
             latent_map=(weights / "latent_map.png").read_bytes(),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
-        folders = ", ".join(map(str, (*drawings.values(), weights, demonstrations)))
+        folders = ", ".join(map(str, (*drawings.values(), subjects, weights, demonstrations)))
         raise ContractError(
             f"The folders {folders} hold no drawings in handwriting styles ({error}); run the stages "
-            "gather_demonstrations, train_trajvae and draw_in_hands."
+            "gather_demonstrations, train_trajvae, draw_in_hands and draw_subjects_in_hands."
         ) from error
 
 
@@ -91,6 +108,7 @@ def handwriting_section(inputs: HandwritingInputs, album: Album) -> Markup:
             }
             for drawn in inputs.drawn
         ],
+        subjects=[(one, tool_name(one.setting), _subject_rows(one)) for one in inputs.subjects],
         error_rows=[[hand, *_reconstruction_errors(inputs.learned[hand])] for hand in inputs.drawn[0].hands],
     )
 
@@ -106,6 +124,22 @@ def _confusion_rows(drawn: DrawnInHands) -> list[list[str]]:
         *(row(f"drawn as “{hand}”", executed[hand], k) for k, hand in enumerate(drawn.hands)),
         row("drawn with Bézier strokes", executed[_BEZIER], None),
         row("drawn from random latents", executed[_NOBODY], None),
+    ]
+
+
+def _subject_rows(one: SubjectsInHands) -> list[list[str]]:
+    """What the judge saw in each drawing; bold where it is what was drawn."""
+    found, titles = one.metrics, {"target": "target", _BEZIER: "Bézier strokes"}
+    kinds = ["target", *found["hands"], _BEZIER]
+    return [
+        [
+            titles.get(kind, f"drawn as “{kind}”"),
+            *(
+                Markup("<b>{}</b>").format(seen) if seen == name else seen
+                for name, seen in zip(found["subjects"], found["named"][kind], strict=True)
+            ),
+        ]
+        for kind in kinds
     ]
 
 
