@@ -23,6 +23,8 @@ from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.planning.strokes.latent import read_decoder
+from pentimento.planning.strokes.shapes import Shapes
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.strokes.studio import Studio
@@ -40,7 +42,13 @@ class CollectStrokes:
     """By tool, a measured table in the strokes contract (a file or a folder of shards); other tools: the studio."""
     world: dict[str, str]
     """By tool, the studio's world: a name or a TOML file; other tools: the world of the tool's name."""
+    hand: dict[str, str]
+    """By tool, the file of a handwriting style whose strokes are collected; other tools: Bézier strokes."""
     collection: CollectionConfig
+
+    def __post_init__(self) -> None:
+        if both := sorted(self.source.keys() & self.hand.keys()):
+            raise ValueError(f"source and hand both name {', '.join(both)}; a measured table needs no hand.")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -48,15 +56,18 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "collect_strokes", CollectStrokes)
     single_threaded()
     source, world = config.source.get(arguments.tool), config.world.get(arguments.tool, arguments.tool)
-    inputs = {} if source is None else {"source": Path(source)}
+    hand = config.hand.get(arguments.tool)
+    inputs = {name: Path(path) for name, path in (("source", source), ("hand", hand)) if path is not None}
     with (
         tracked_run("collect_strokes", arguments.tool, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
     ):
         metrics: dict[str, Any] = {"quarantined": 0}
         if source is None:
-            table, metrics["largest_aliasing"] = _collect(arguments.tool, world, config.collection, run)
-            origin = f"Made by the robot in the studio, world `{world}`."
+            writer = None if hand is None else read_decoder(Path(hand))
+            table, metrics["largest_aliasing"] = _collect(arguments.tool, world, config.collection, writer, run)
+            drawn = "Bézier strokes" if writer is None else f"Strokes in the handwriting style “{writer.hand}”"
+            origin = f"{drawn}, made by the robot in the studio, world `{world}`."
         else:
             checked = read_table(Path(source), CONTRACT)
             table, metrics["quarantined"] = checked.table, len(checked.quarantined)
@@ -70,20 +81,25 @@ def main(arguments: argparse.Namespace) -> None:
         run.log_metrics(metrics)
 
 
-def _collect(tool_name: str, world: str, config: CollectionConfig, run: Run) -> tuple[pa.Table, float]:
+def _collect(
+    tool_name: str, world: str, config: CollectionConfig, shapes: Shapes | None, run: Run
+) -> tuple[pa.Table, float]:
     """Return the strokes, and the largest aliasing between causes under their design (docs/diagnosis.md §11)."""
     tool = load_tool(tool_name)
     robot = VirtualRobot(Studio(load_world(world), config.seed))
-    found = _aliasing(tool, robot.canvas_size_m, config)
+    found = _aliasing(tool, robot.canvas_size_m, config, shapes)
     print(f"Causes that this design cannot distinguish: {aliasing_in_short(found)}.", file=sys.stderr)
-    rows = collect_strokes(GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, config, run.log)
+    guarded = GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
+    rows = collect_strokes(guarded, tool, config, run.log, shapes)
     return pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0]))), found.largest
 
 
-def _aliasing(tool: Tool, canvas_size_m: tuple[float, float], config: CollectionConfig) -> Aliasing:
+def _aliasing(
+    tool: Tool, canvas_size_m: tuple[float, float], config: CollectionConfig, shapes: Shapes | None
+) -> Aliasing:
     """Compute aliasing from the commands alone, before anything is drawn."""
     palette = np.array(config.palette_srgb if tool.color_srgb is None else [tool.color_srgb])
-    commands = design_collection(tool, canvas_size_m, palette, config)
+    commands = design_collection(tool, canvas_size_m, palette, config, shapes)
     strokes = load_measured(rehearse(commands, tool, canvas_size_m, config))
     return aliasing_of(first_model(strokes), strokes, VOCABULARY)
 

@@ -118,3 +118,34 @@ def test_the_same_seed_gives_the_same_commands_and_another_does_not(commands: li
 def test_config_rejects_numbers_out_of_range(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=rf"^{field} "):
         replace(CONFIG, **{field: value})
+
+
+class Corners:
+    """Shapes of one kind, in two sizes: there, and back at a right angle."""
+
+    points = 3
+    spread = np.ones(1, np.float32)
+
+    def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        return rng.choice([0.01, 0.02], (count, 1)).astype(np.float32)
+
+    def paths(self, parameters: np.ndarray) -> tuple[np.ndarray, object]:
+        corner = np.array([[-1, -1 / 3], [0, 2 / 3], [1, -1 / 3]], np.float32)
+        return parameters[:, :, None] * corner, None
+
+    def constrain(self, parameters: np.ndarray, start: np.ndarray, reach: float) -> None: ...
+
+
+def test_paths_of_given_shapes_keep_form_and_size_in_any_pose() -> None:
+    config = replace(CONFIG, strokes=30, repeated=2, times=3)
+    commands = design_collection(BRUSH, SIZE_M, PALETTE, config, Corners())  # type: ignore[arg-type]
+    places = np.array([command.stroke.path[:, 1:3] for command in commands])
+    sides = np.linalg.norm(np.diff(places, axis=1), axis=2)
+    assert np.allclose(sides[:, 0], sides[:, 1], rtol=1e-5)
+    assert {round(float(side) / 2**0.5, 4) for side in sides.ravel()} == {0.01, 0.02}
+    ends = places[:, 2] - places[:, 0]
+    assert np.ptp(np.arctan2(ends[:, 1], ends[:, 0])) > 3
+    z = np.array([command.stroke.path[:, 3] for command in commands])
+    assert (-z >= BRUSH.press_range_m[0]).all() and (-z <= BRUSH.press_range_m[1]).all() and np.ptp(z[:, 0]) > 1e-3
+    assert (places >= CONFIG.edge_m).all() and (places <= np.array(SIZE_M) - CONFIG.edge_m).all()
+    assert [c.sheet for c in commands] == [c.sheet for c in design_collection(BRUSH, SIZE_M, PALETTE, config)]

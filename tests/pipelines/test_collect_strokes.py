@@ -4,13 +4,15 @@ import argparse
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 import pipelines.collect_strokes as stage
-from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.planning.strokes.latent import Layer, StyleDecoder, write_decoder
 from pipelines._imports import ROOT
 from pipelines._params import read_params
 
@@ -48,4 +50,41 @@ def test_prints_aliased_causes_before_any_stroke(
     with pytest.raises(RobotError, match="no power"):
         stage.main(argparse.Namespace(tool="round_brush", out=folder / "strokes"))
     assert "cannot distinguish: " in capsys.readouterr().err
+    assert not (folder / "strokes").exists()
+
+
+def test_strokes_of_a_hand_are_collected_at_its_points(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    layer = Layer(
+        np.zeros((2, 40), np.float32), (rng.normal(0, 0.2, 40) + np.repeat(np.arange(20), 2)).astype(np.float32)
+    )
+    latents = np.zeros((3, 2), np.float32)
+    write_decoder(folder / "ann.npz", StyleDecoder("ann", (layer,), 5e-4, latents, latents))
+    params = read_params(folder / "params.yaml")
+    params["collect_strokes"]["hand"] = {"round_brush": str(folder / "ann.npz")}
+    YAML(typ="safe").dump(params, folder / "params.yaml")
+    stage.main(argparse.Namespace(tool="round_brush", out=folder / "strokes"))
+    paths = [np.array(path) for path in read_table(folder / "strokes", CONTRACT).table.column("path").to_pylist()]
+    assert {path.shape for path in paths} == {(20, 5)}
+    lengths = [np.linalg.norm(np.diff(path[:, 1:3], axis=0), axis=1).sum() for path in paths]
+    assert np.ptp(lengths) < 1e-6
+    assert "handwriting style “ann”" in (folder / "strokes/README.md").read_text()
+
+
+def test_a_measured_table_and_a_hand_are_one_too_many(folder: Path) -> None:
+    params = read_params(folder / "params.yaml")
+    params["collect_strokes"] |= {"hand": {"marker": "ann.npz"}, "source": {"marker": "strokes.parquet"}}
+    YAML(typ="safe").dump(params, folder / "params.yaml")
+    with pytest.raises(ConfigError, match="source and hand both name marker"):
+        stage.main(argparse.Namespace(tool="marker", out=folder / "strokes"))
+    assert not (folder / "strokes").exists()
+
+
+def test_a_damaged_hand_is_one_sentence(folder: Path) -> None:
+    (folder / "ann.npz").write_bytes(b"ann")
+    params = read_params(folder / "params.yaml")
+    params["collect_strokes"]["hand"] = {"marker": str(folder / "ann.npz")}
+    YAML(typ="safe").dump(params, folder / "params.yaml")
+    with pytest.raises(PentimentoError, match=r"ann\.npz holds no decoder"):
+        stage.main(argparse.Namespace(tool="marker", out=folder / "strokes"))
     assert not (folder / "strokes").exists()

@@ -18,6 +18,7 @@ from pentimento.contracts.images import encode_png
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.observations import Photo
 from pentimento.control.execute import ExecutedStroke, Session, execute_stroke
+from pentimento.planning.strokes.shapes import Shapes
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
 
@@ -93,7 +94,11 @@ FloatArray = NDArray[np.float64]
 
 
 def collect_strokes(
-    robot: Robot, tool: Tool, config: CollectionConfig, log: Callable[[str, float, int], None]
+    robot: Robot,
+    tool: Tool,
+    config: CollectionConfig,
+    log: Callable[[str, float, int], None],
+    shapes: Shapes | None = None,
 ) -> list[dict[str, Any]]:
     """Draw the strokes of ``design_collection``; rows of the ``strokes`` contract in their order.
 
@@ -101,7 +106,7 @@ def collect_strokes(
     """
     robot.change_tool(tool)
     palette = np.array(config.palette_srgb if tool.color_srgb is None else [tool.color_srgb])
-    commands = design_collection(tool, robot.canvas_size_m, palette, config)
+    commands = design_collection(tool, robot.canvas_size_m, palette, config, shapes)
     robot.load_palette(palette)
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
     session = Session(f"{tool.name}-{config.seed}", robot.clock_s)

@@ -19,8 +19,9 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import window_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.planning.strokes.shapes import Shapes
 from pentimento.robots.motion import timed_path
-from pentimento.robots.strokes import stroke_points
+from pentimento.robots.strokes import press_basis, stroke_points
 from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
@@ -90,16 +91,25 @@ class Command:
 
 
 def design_collection(
-    tool: Tool, canvas_size_m: tuple[float, float], palette_srgb: FloatArray, config: CollectionConfig
+    tool: Tool,
+    canvas_size_m: tuple[float, float],
+    palette_srgb: FloatArray,
+    config: CollectionConfig,
+    shapes: Shapes | None = None,
 ) -> list[Command]:
     """``config.strokes`` commands in their order, sheet by sheet; each action is drawn from (seed, action) alone.
+
+    Args:
+        shapes: paths are random ones of these, such as a writer's (thesis 5.3.4), at their own number of points. None:
+            Bézier strokes of the tool's lengths and bends.
 
     Raises:
         ContractError: no stroke of the tool fits on the canvas.
     """
     singles = config.strokes - config.repeated * config.times
     sheets = max(math.ceil(config.strokes / _STROKES_A_SHEET), config.times if config.repeated else 1)
-    again = _repeated_actions(range(singles, singles + config.repeated), tool, canvas_size_m, palette_srgb, config)
+    room = _Room(tool, canvas_size_m, config, shapes)
+    again = _repeated_actions(range(singles, singles + config.repeated), palette_srgb, room)
     chooser = np.random.default_rng([config.seed, 0, _ORDERED])
     sheets_of = [chooser.permutation(sheets)[: config.times] for _ in again]
     shares = np.array_split(np.arange(singles), sheets)
@@ -117,9 +127,9 @@ def design_collection(
                 color, dip = load.for_single(rng)
                 target = drawn[-1 - int(rng.integers(min(_RECENT, len(drawn))))] if drawn else None
                 if target is not None and rng.random() < config.crossing_share:
-                    path = _clear_path(rng, canvas_size_m, tool, config=config, taken=to_come, about=target)
+                    path = room.clear_path(rng, taken=to_come, about=target)
                 else:
-                    path = _clear_path(rng, canvas_size_m, tool, config=config, taken=to_come + drawn, about=None)
+                    path = room.clear_path(rng, taken=to_come + drawn, about=None)
                 stroke = PlannedStroke(path, color, dip)
             else:
                 stroke, action = slot, singles + [s is slot for s in again].index(True)
@@ -158,75 +168,80 @@ class _Load:
         self._dips += 1
 
 
-def _repeated_actions(
-    actions: range,
-    tool: Tool,
-    canvas_size_m: tuple[float, float],
-    palette_srgb: FloatArray,
-    config: CollectionConfig,
-) -> list[PlannedStroke]:
+def _repeated_actions(actions: range, palette_srgb: FloatArray, room: _Room) -> list[PlannedStroke]:
     """Strokes that do not cross each other, so that each is on blank paper wherever it comes in a sheet's order."""
     strokes: list[PlannedStroke] = []
     for action in actions:
-        rng = np.random.default_rng([config.seed, action])
-        path = _clear_path(
-            rng, canvas_size_m, tool, config=config, taken=[stroke.path for stroke in strokes], about=None
-        )
+        rng = np.random.default_rng([room.config.seed, action])
+        path = room.clear_path(rng, taken=[stroke.path for stroke in strokes], about=None)
         color = palette_srgb[rng.integers(len(palette_srgb))]
-        strokes.append(PlannedStroke(path, color, dip=tool.dips))
+        strokes.append(PlannedStroke(path, color, dip=room.tool.dips))
     return strokes
 
 
-def _clear_path(
-    rng: np.random.Generator,
-    canvas_size_m: tuple[float, float],
-    tool: Tool,
-    *,
-    config: CollectionConfig,
-    taken: Sequence[FloatArray],
-    about: FloatArray | None,
-) -> FloatArray:
-    """A random path inside the canvas that meets as few boxes of ``taken`` as possible.
+@dataclass(frozen=True, eq=False)
+class _Room:
+    """Where random paths are laid, and of what shape they are."""
 
-    Its middle lies on the path ``about``, or anywhere.
-    """
-    low, high = np.full(2, config.edge_m), np.array(canvas_size_m) - config.edge_m
-    boxes = np.array([window_around(path, tool.nominal_width_m / 2) for path in taken]).reshape(-1, 4)
-    best, min_met = None, np.inf
-    for _ in range(_TRIES if np.all(low < high) else 0):
-        if about is None:
-            middle = rng.uniform(low, high)
+    tool: Tool
+    canvas_size_m: tuple[float, float]
+    config: CollectionConfig
+    shapes: Shapes | None
+
+    def clear_path(
+        self, rng: np.random.Generator, *, taken: Sequence[FloatArray], about: FloatArray | None
+    ) -> FloatArray:
+        """A random path inside the canvas that meets as few boxes of ``taken`` as possible.
+
+        Its middle lies on the path ``about``, or anywhere.
+        """
+        low, high = np.full(2, self.config.edge_m), np.array(self.canvas_size_m) - self.config.edge_m
+        boxes = np.array([window_around(path, self.tool.nominal_width_m / 2) for path in taken]).reshape(-1, 4)
+        best, min_met = None, np.inf
+        for _ in range(_TRIES if np.all(low < high) else 0):
+            if about is None:
+                middle = rng.uniform(low, high)
+            else:
+                middle = about[rng.integers(len(about)), 1:3] + _BESIDE_M * rng.standard_normal(2)
+            path = self._random_path(rng, middle)
+            if np.any(path[:, 1:3] < low) or np.any(path[:, 1:3] > high):
+                continue
+            box = window_around(path, self.tool.nominal_width_m / 2)
+            met = int(np.all((box[:2] < boxes[:, 2:]) & (boxes[:, :2] < box[2:]), axis=1).sum())
+            if met < min_met:
+                best, min_met = path, met
+            if min_met == 0:
+                break
+        if best is None:
+            longest = (
+                "shorten stroke_length in its tool file" if self.shapes is None else "take a hand of smaller strokes"
+            )
+            raise ContractError(
+                f"The {self.tool.name} finds no room for a stroke on {self.canvas_size_m} m of canvas: "
+                f"{longest} or lower collect_strokes.edge_m."
+            )
+        return best
+
+    def _random_path(self, rng: np.random.Generator, middle_m: FloatArray) -> FloatArray:
+        tool, theta = self.tool, rng.uniform(-np.pi, np.pi)
+        length = rng.uniform(*tool.stroke_length_m)
+        # Across the stroke, as a painter holds a flat brush; brushes look the same turned by half a turn.
+        yaw = theta + np.pi / 2 + rng.uniform(-1, 1) * self.config.yaw_spread_rad if tool.kind == "flat" else 0.0
+        yaw = (yaw + np.pi / 2) % np.pi - np.pi / 2
+        if self.shapes is None:
+            points = stroke_points(
+                middle_m,
+                theta,
+                length,
+                bend_m=length * rng.uniform(*tool.bend_range),
+                press_m=rng.uniform(*tool.press_range_m, size=3),
+                yaw_rad=yaw,
+                points=self.config.path_points,
+            )
         else:
-            middle = about[rng.integers(len(about)), 1:3] + _BESIDE_M * rng.standard_normal(2)
-        path = _random_path(rng, middle, tool, config)
-        if np.any(path[:, 1:3] < low) or np.any(path[:, 1:3] > high):
-            continue
-        box = window_around(path, tool.nominal_width_m / 2)
-        met = int(np.all((box[:2] < boxes[:, 2:]) & (boxes[:, :2] < box[2:]), axis=1).sum())
-        if met < min_met:
-            best, min_met = path, met
-        if min_met == 0:
-            break
-    if best is None:
-        raise ContractError(
-            f"The {tool.name} finds no room for a stroke on {canvas_size_m} m of canvas: "
-            "shorten stroke_length in its tool file or lower collect_strokes.edge_m."
-        )
-    return best
-
-
-def _random_path(rng: np.random.Generator, middle_m: FloatArray, tool: Tool, config: CollectionConfig) -> FloatArray:
-    theta = rng.uniform(-np.pi, np.pi)
-    length = rng.uniform(*tool.stroke_length_m)
-    # Across the stroke, as a painter holds a flat brush; brushes look the same turned by half a turn.
-    yaw = theta + np.pi / 2 + rng.uniform(-1, 1) * config.yaw_spread_rad if tool.kind == "flat" else 0.0
-    points = stroke_points(
-        middle_m,
-        theta,
-        length,
-        bend_m=length * rng.uniform(*tool.bend_range),
-        press_m=rng.uniform(*tool.press_range_m, size=3),
-        yaw_rad=(yaw + np.pi / 2) % np.pi - np.pi / 2,
-        points=config.path_points,
-    )
-    return timed_path(points, float(np.exp(rng.uniform(*np.log(tool.speed_range_m_s)))))
+            own = self.shapes.paths(self.shapes.sample(1, rng))[0][0].astype(np.float64)
+            cos, sin = np.cos(theta), np.sin(theta)
+            z = -press_basis(len(own)) @ rng.uniform(*tool.press_range_m, size=3)
+            xy = middle_m + own @ np.array([[cos, sin], [-sin, cos]])
+            points = np.column_stack([xy, z, np.full(len(own), yaw)])
+        return timed_path(points, float(np.exp(rng.uniform(*np.log(tool.speed_range_m_s)))))
