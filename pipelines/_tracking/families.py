@@ -38,7 +38,6 @@ HEADLINES = {
     "train_stroke_dynamics": Headline("held_out.model.mse", "held_out.polyline.mse"),
     "diagnose_gap": Headline("held_out.extended.mse", "held_out.base.mse"),
     "paint": Headline("error.with_replanning", "error.without_replanning"),
-    "draw_subjects_in_hands": Headline("marker.subjects_named_right", "marker.named_right.bezier"),
     "train_semantics": Headline("main.picture.objects.recognised", "main.picture.objects.chance"),
     "pretrain_goal_planner": Headline("held_out.mse", "held_out.mse_of_copying"),
     "finetune_goal_planner": Headline("held_out.fine_tuned.mse", "held_out.fine_tuned.mse_of_copying"),

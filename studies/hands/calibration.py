@@ -2,9 +2,9 @@
 
     PYTHONPATH=src python -m studies.hands.calibration OUT.json
 
-In the repository's root, after `make repro`. For three seeds, the robot in the studio collects as many marker
-strokes of each kind. Traj2Stroke is fitted to each collection with the settings of params.yaml and tested on further collections of
-every kind. Results are written after each model, and a run that was interrupted goes on.
+In the repository's root, after `make repro`. For three seeds, the robot in the studio collects equally many strokes of
+each kind with the marker. Traj2Stroke is fitted to each with the settings of params.yaml and tested on
+further collections of every kind. Results are written after each model, and a run that was interrupted goes on.
 """
 
 from __future__ import annotations
