@@ -42,7 +42,7 @@ BEZIER: Final = "bezier"
 SEEDS: Final = (1, 2, 3)
 TEST_STROKES: Final = 60
 _TEST_SEED: Final = 100
-"""Added to a seed for the test collection, which has other strokes, another sheet and another session."""
+"""Added to a seed for the design of the test collection, which the same studio draws."""
 
 
 def main() -> None:
@@ -59,10 +59,10 @@ def main() -> None:
     kinds |= {writer: read_decoder(arguments.hands / f"{writer}.npz") for writer in arguments.writers}
     found: dict[str, Any] = json.loads(arguments.out.read_text()) if arguments.out.exists() else {}
 
-    def collected(kind: str, count: int, seed: int) -> StrokeSamples:
+    def collected(kind: str, count: int, seed: int, studio_seed: int) -> StrokeSamples:
         tool, shapes = load_tool(TOOL), kinds[kind]
         config = replace(collection, strokes=count, repeated=0, seed=seed)
-        robot = VirtualRobot(Studio(load_world(TOOL), seed))
+        robot = VirtualRobot(Studio(load_world(TOOL), studio_seed))
         guarded = GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
         rows = collect_strokes(guarded, tool, config, lambda *_: None, shapes)
         table = pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
@@ -70,9 +70,9 @@ def main() -> None:
 
     for seed in SEEDS:
         missing = [kind for kind in kinds if f"{kind}_{seed}" not in found]
-        tests = {kind: collected(kind, TEST_STROKES, _TEST_SEED + seed) for kind in kinds} if missing else {}
+        tests = {kind: collected(kind, TEST_STROKES, _TEST_SEED + seed, seed) for kind in kinds} if missing else {}
         for kind in missing:
-            samples = collected(kind, collection.strokes, seed)
+            samples = collected(kind, collection.strokes, seed, seed)
             model = train(samples, replace(training, seed=seed), lambda *_: None).parameters_si()
             found[f"{kind}_{seed}"] = {
                 on: asdict(score_model(model, test)) | {"blank_mse": score(blank(test), test).mse}
