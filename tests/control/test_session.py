@@ -3,7 +3,7 @@
 import json
 import math
 import threading
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import cv2
@@ -15,6 +15,7 @@ from pentimento.contracts.images import read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.control.checkpoint import PaintingState, load_state, save_state
+from pentimento.control.expression import PLAIN
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.open_robot import RobotTraits
 from pentimento.control.page import Page, Pen
@@ -225,6 +226,7 @@ def test_person_asks_for_something_new_and_chooses_one_of_the_goals(tmp_path: Pa
     done = resume(beside)
     assert done.phase == "done" and done.turns == 1 and "choosing" in phases
     asked = json.loads((tmp_path / "turns" / "001.json").read_text())
+    assert asked.pop("expression") == asdict(PLAIN)
     assert asked == {"number": 1, "words": "a bar", "executed_before": 3, "planned": done.executed - 3, "things": []}
     assert (read_image(tmp_path / "turns" / "001_goal.png") == done.goal).all()
     before = read_image(tmp_path / "turns" / "001.png")

@@ -14,10 +14,11 @@ from pentimento.contracts.errors import ConfigError
 
 if TYPE_CHECKING:
     from pentimento.bundle.vocabulary import Vocabulary
-    from pentimento.sound.recording import Listener
+    from pentimento.control.expression import Expression
+    from pentimento.sound.affect import Heard, Listener
 
 
-def heard_in(file: Path, bundle: Path, model: Path | None) -> str:
+def heard_in(file: Path, bundle: Path, model: Path | None) -> Heard:
     """The wish in a WAV file, for a bundle's goal planner.
 
     Raises:
@@ -30,6 +31,17 @@ def heard_in(file: Path, bundle: Path, model: Path | None) -> str:
 
     recording = read_recording(file)
     return listener_for(open_bundle(bundle).vocabulary, model)(recording)
+
+
+def expression_for(heard: Heard, bundle: Path, setting: str) -> Expression:
+    """How a wish is painted in a bundle's setting. Raises BundleError where the bundle is refused."""
+    from pentimento.bundle.reader import open_bundle
+    from pentimento.control.expression import has_free_colours
+    from pentimento.sound.affect import expression_of
+
+    opened = open_bundle(bundle)
+    free = has_free_colours(opened.tools[setting], opened.setting(setting).planner)
+    return expression_of(heard, free_colours=free)
 
 
 def confirmed(*, is_at_terminal: bool, executes: bool) -> bool:
@@ -51,8 +63,9 @@ def confirmed(*, is_at_terminal: bool, executes: bool) -> bool:
     return True
 
 
-def page_listener(bundle: Path, model: Path | None) -> Callable[[bytes], str] | None:
-    """From a WAV file's content to the wish in it, for the page; None where nothing that listens is installed.
+def page_listener(bundle: Path, setting: str, model: Path | None) -> Callable[[bytes], tuple[str, Expression]] | None:
+    """From a WAV file's content to the wish in it and how it is painted in a bundle's setting, for the page; None where
+    nothing that listens is installed.
 
     The recogniser is loaded when it is needed first; a model in a folder at once.
 
@@ -70,7 +83,12 @@ def page_listener(bundle: Path, model: Path | None) -> Callable[[bytes], str] | 
 
     if model is not None:
         listener()
-    return lambda content: listener()(recording_of(content, "The recording"))
+
+    def hear(content: bytes) -> tuple[str, Expression]:
+        heard = listener()(recording_of(content, "The recording"))
+        return heard.words, expression_for(heard, bundle, setting)
+
+    return hear
 
 
 def listener_for(vocabulary: Vocabulary | None, model: Path | None) -> Listener:
@@ -80,9 +98,10 @@ def listener_for(vocabulary: Vocabulary | None, model: Path | None) -> Listener:
         ConfigError: as `heard_in`.
     """
     if model is None:
+        from pentimento.sound.affect import spoken
         from pentimento.sound.speech import Recogniser
 
-        return Recogniser(vocabulary).words_of
+        return spoken(Recogniser(vocabulary).words_of)
     with workshop("listen with a published model"):
         from pentimento.hearing.published import load_listener
     return load_listener(model, vocabulary)

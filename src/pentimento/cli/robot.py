@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from pentimento.contracts.errors import ConfigError, ContractError, PentimentoEr
 
 if TYPE_CHECKING:
     from pentimento.control.commission import Commission, Weights
+    from pentimento.control.expression import Expression
     from pentimento.control.run import Turns
 
 _OF_CLAY = ("material", "letter", "pushes")
@@ -24,6 +26,7 @@ _OF_PAINT = (
     "goal_text",
     "listen",
     "sound_model",
+    "as_typed",
     "strokes",
     "replan_every",
     "weights",
@@ -49,8 +52,9 @@ _OF_A_NEW_RUN = (
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from pentimento.cli.listening import confirmed, heard_in
+    from pentimento.cli.listening import confirmed, expression_for, heard_in
     from pentimento.control.commission import Wanted, read_clay_commission, read_commission
+    from pentimento.control.expression import PLAIN
     from pentimento.control.request_items import plain_text
     from pentimento.control.run import Turns, commission_of
 
@@ -64,13 +68,11 @@ def _run(arguments: argparse.Namespace) -> None:
     bundle: Path = arguments.bundle if commission is None else Path(commission.bundle)
     # Without any goal the canvas is completed; words that were given and are empty are a mistake.
     text = "" if arguments.goal_text is None else plain_text(arguments.goal_text)
+    heard, expression = None, PLAIN
     if arguments.listen is not None:
-        text = heard_in(arguments.listen, bundle, arguments.sound_model)
+        heard = heard_in(arguments.listen, bundle, arguments.sound_model)
+        text = heard.words
         _tell(f"Heard: {text}")
-        executes = arguments.execute if commission is None else commission.execute
-        if not confirmed(is_at_terminal=sys.stdin.isatty(), executes=executes):
-            _tell("Nothing was painted.")
-            return
     if commission is None:
         picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
         commission = commission_of(
@@ -78,11 +80,20 @@ def _run(arguments: argparse.Namespace) -> None:
             robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
             replan_every=arguments.replan_every, seed=arguments.seed, weights=_weights(arguments.weights),
         )  # fmt: skip
+    if heard is not None:
+        if heard.manner is not None and not arguments.as_typed:
+            expression = expression_for(heard, bundle, commission.setting)
+            _tell(expression.sentence())
+        if not confirmed(is_at_terminal=sys.stdin.isatty(), executes=commission.execute):
+            _tell("Nothing was painted.")
+            return
+    if arguments.resume is None:
+        commission = replace(commission, expression=expression)
     turns = Turns(arguments.turns, arguments.choices or 1)
     wish = text if arguments.resume is not None else ""
     _paint(
         commission, folder, calibration=arguments.calibration, has_page=arguments.page, turns=turns, wish=wish,
-        resume=arguments.resume is not None, sound_model=arguments.sound_model,
+        expression=expression, resume=arguments.resume is not None, sound_model=arguments.sound_model,
     )  # fmt: skip
 
 
@@ -114,12 +125,14 @@ def _paint(
     has_page: bool,
     turns: Turns,
     wish: str = "",
+    expression: Expression | None = None,
     resume: bool = False,
     sound_model: Path | None = None,
 ) -> None:
     """Paint, and print how it ended and how to go on."""
     from pentimento.cli.listening import page_listener
     from pentimento.control.checkpoint import has_state
+    from pentimento.control.expression import PLAIN
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
     from pentimento.control.run import run
 
@@ -133,7 +146,8 @@ def _paint(
             state = run(
                 commission, folder, resume=resume, calibration=calibration, ask=keyboard.ask,
                 page=_print_address if has_page else None, control=control, progress=progress, turns=turns, wish=wish,
-                listen=page_listener(Path(commission.bundle), sound_model) if has_page else None,
+                expression=expression or PLAIN,
+                listen=page_listener(Path(commission.bundle), commission.setting, sound_model) if has_page else None,
             )  # fmt: skip
     except (PentimentoError, OSError, KeyboardInterrupt) as error:
         if has_state(folder) and not isinstance(error, ContractError):  # a damaged state cannot be resumed
@@ -207,6 +221,8 @@ def _problem_of_run(arguments: argparse.Namespace) -> str | None:
         return f"--resume goes on as the painting was begun, and cannot change {', '.join(fixed)}; leave it out."
     if arguments.sound_model is not None and arguments.listen is None and not arguments.page:
         return "--sound-model is for what --listen FILE or the page hears; give one of them."
+    if arguments.as_typed and arguments.listen is None:
+        return "--as-typed is for a wish that --listen FILE hears; give that, or leave it out."
     clay = given(arguments, _OF_CLAY)
     if clay and (arguments.material is None or arguments.letter is None):
         return f"{', '.join(clay)}: to sculpt, give both --material and --letter."
@@ -277,6 +293,11 @@ COMMANDS = (
                 help="as --goal-text, with the words that are spoken in this WAV file",
             ),
             option("--sound-model", **_SOUND_MODEL),
+            option(
+                "--as-typed",
+                action="store_true",
+                help="paint what --listen hears like a typed wish, however loud, fast or lively it was said",
+            ),
             option("--strokes", type=count, metavar="N", help="maximum; by default the setting's"),
             option(
                 "--replan-every",

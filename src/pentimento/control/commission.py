@@ -14,6 +14,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import at_least
+from pentimento.control.expression import PLAIN, Expression
 
 _NAME: Final = "commission.json"
 
@@ -61,6 +62,8 @@ class Commission:
     seed: int
     weights: Weights | None = None
     """None for the objectives of the bundle's setting."""
+    expression: Expression = PLAIN
+    """How the words asked for are painted."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import MAX_BYTES
+from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.person import COMMANDS, Command, Control
 from pentimento.control.pictures import CANVAS, GOAL, GOALS, NEXT, PHOTOGRAPH, PREVIEW
 from pentimento.control.request_items import plain_text
@@ -34,6 +35,7 @@ from pentimento.control.undo import can_undo
 
 _FILES = (GOAL, NEXT, PREVIEW, PHOTOGRAPH)
 _SAVE = "save/"
+_SAID = re.compile(r"wish/([0-9]{1,6})")  # a wish that was heard, by the number of its recording
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
 _LAST_LOOK_S = 1.2  # an open page asks for the state every 0.5 s
 _MAX_BYTES = 100_000  # of a request's body
@@ -85,7 +87,7 @@ class Page:
         control: Control,
         pen: Pen | None = None,
         saved: Mapping[str, Callable[[], bytes]] | None = None,
-        listen: Callable[[bytes], str] | None = None,
+        listen: Callable[[bytes], tuple[str, Expression]] | None = None,
         port: int = 0,
     ) -> None:
         """Serve the painting in a folder; commands go to ``control``. Port 0 takes a free one.
@@ -93,13 +95,15 @@ class Page:
         Args:
             pen: with which a person draws on the page; None where that is impossible.
             saved: functions that give the files to be saved, by their names.
-            listen: from the content of a WAV file to the wish in it, or PentimentoError; None where nothing listens.
+            listen: from the content of a WAV file to the wish in it and how it is painted, or PentimentoError; None
+                where nothing listens.
 
         Raises OSError if the port is taken.
         """
         self._folder, self._control, self._saved = folder, control, saved or {}
         self._lock = threading.Lock()
         self._listen, self._listening = listen, threading.Lock()
+        self._expressions: list[Expression] = []  # of the wishes that were heard
         self._token = secrets.token_urlsafe(16)
         self._state: dict[str, Any] = {}
         self._pen = None if pen is None else asdict(pen)
@@ -179,9 +183,9 @@ class Page:
             return self._draw(text)
         if path == "command" and command is not None:
             self._hand_over(command, "")
-        elif path == "wish":
+        elif path == "wish" or ((said := _SAID.fullmatch(path)) and int(said[1]) < len(self._expressions)):
             try:
-                self._hand_over("wish", plain_text(text))
+                self._hand_over("wish", plain_text(text), PLAIN if path == "wish" else self._expressions[int(said[1])])
             except ConfigError as error:
                 return _sentence(HTTPStatus.BAD_REQUEST, str(error))
         elif path == "choose" and text.isdecimal():
@@ -192,10 +196,10 @@ class Page:
             )
         return Response(HTTPStatus.NO_CONTENT, "text/plain", b"")
 
-    def _hand_over(self, command: Command, value: str) -> None:
+    def _hand_over(self, command: Command, value: str, expression: Expression = PLAIN) -> None:
         with self._lock:
             self._handed_over = True
-            self._control.send(command, value)
+            self._control.send(command, value, expression)
 
     def _draw(self, line: str) -> Response:
         """Send a line on, and answer with its number among those of all pages; refuse it after the person's turn."""
@@ -206,11 +210,15 @@ class Page:
             self._control.send("draw", line)
             return Response(HTTPStatus.OK, "application/json", json.dumps(self._lines).encode())
 
-    def _hear(self, listen: Callable[[bytes], str], sound: bytes) -> Response:
-        """The words in a WAV file, for the person to confirm; nothing is sent to the robot."""
+    def _hear(self, listen: Callable[[bytes], tuple[str, Expression]], sound: bytes) -> Response:
+        """The words in a WAV file and how they are painted, for the person to confirm; nothing is sent to the robot."""
         try:
             with self._listening:  # a recogniser hears one recording at a time
-                return _sentence(HTTPStatus.OK, listen(sound))
+                words, expression = listen(sound)
+                self._expressions.append(expression)
+                answer: dict[str, Any] = {"words": words, "wish": f"wish/{len(self._expressions) - 1}"}
+            answer["how"] = expression.sentence() if expression != PLAIN else ""
+            return Response(HTTPStatus.OK, "application/json", json.dumps(answer).encode())
         except PentimentoError as error:
             return _sentence(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
 

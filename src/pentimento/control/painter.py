@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -17,6 +18,7 @@ from pentimento.contracts.markers import markers_around
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.commission import Weights
 from pentimento.control.execute import Session, execute
+from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.loop import Hooks, run_loop
 from pentimento.planning.strokes.bezier import Strokes, no_strokes
 from pentimento.planning.strokes.brush import Brush
@@ -203,18 +205,21 @@ class PaintContext:
     threads: int = 1
     weights: Weights | None = None
     """Of the objectives, in place of the planner's."""
+    max_speed_m_s: float = math.inf
+    """That the robot allows."""
 
-    def about(self, words: str) -> PaintContext:
-        """The context for plans of what these words ask for; "" for none."""
+    def about(self, words: str, expression: Expression = PLAIN) -> PaintContext:
+        """The context for plans of what these words ask for, in this expression; "" for none."""
+        tool = expression.tool(self.tool, self.max_speed_m_s)
         if self.weights is None:
-            return self
+            return self if tool is self.tool else replace(self, tool=tool)
         text = TextConfig(self.weights.text, words) if self.weights.text > 0 and words else None
         is_weighed = text is not None or self.weights.print + self.weights.semantic > 0
         objectives = replace(
             self.planner.objectives, print_weight=self.weights.print if is_weighed else 1.0,
             semantic_weight=self.weights.semantic, text=text,
         )  # fmt: skip
-        return replace(self, planner=replace(self.planner, objectives=objectives))
+        return replace(self, tool=tool, planner=replace(self.planner, objectives=objectives))
 
     def scene(self, target: Array, start: Start) -> Scene:
         """A target [H, W, 3] (linear light) on a canvas in the state ``start``."""

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Final, Literal, TextIO
 
+from pentimento.control.expression import PLAIN, Expression
+
 Command = Literal["pause", "your turn", "go on", "stop", "undo", "wish", "choose", "draw"]
 
 COMMANDS: Final[tuple[Command, ...]] = ("pause", "your turn", "go on", "undo", "stop")
@@ -34,6 +36,8 @@ class Order:
     value: str = ""
     """The words of a wish, the number of a goal to choose (from 1), a line that was drawn, see `drawn`, or what a
     person is told first at "your turn"."""
+    expression: Expression = PLAIN
+    """How a wish is painted."""
 
 
 class Control:
@@ -46,13 +50,13 @@ class Control:
         self._changed = threading.Condition()
         self._orders: list[Order] = []
 
-    def send(self, command: Command, value: str = "") -> None:
+    def send(self, command: Command, value: str = "", expression: Expression = PLAIN) -> None:
         """Add a line that was drawn, or replace the order that waits. Nothing replaces ``stop``."""
         with self._changed:
             if not any(order.command == "stop" for order in self._orders):
                 if command != "draw":
                     self._orders = [order for order in self._orders if order.command == "draw"]
-                self._orders.append(Order(command, value))
+                self._orders.append(Order(command, value, expression))
             self._changed.notify_all()
 
     def poll(self) -> Order | None:

@@ -74,8 +74,13 @@ def replay_page(folder: Path) -> str:
 
 def _caption(turn: Turn) -> str:
     if turn.number == 0:
-        return f"The sheet at the start; asked for: “{turn.words}”" if turn.words else "The sheet at the start"
-    return f"Turn {turn.number}, yours" + (f"; asked for: “{turn.words}”" if turn.words else "")
+        return f"The sheet at the start{_wish(turn)}"
+    return f"Turn {turn.number}, yours{_wish(turn)}"
+
+
+def _wish(turn: Turn) -> str:
+    said = f", said {turn.expression.said}" if turn.expression.said else ""
+    return f"; asked for: “{turn.words}”{said}" if turn.words else ""
 
 
 def _with_patch(sheet: Picture, row: dict[str, Any]) -> Picture:

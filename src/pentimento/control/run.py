@@ -30,6 +30,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.control.checkpoint import PaintingState, has_state, load_state
 from pentimento.control.commission import Commission, Wanted, Weights, exclusive, write_commission
+from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.goal import GoalSampling, centred_square, goal_from_picture, goal_from_words
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.layout import WHOLE, Wish, in_medium, placed
@@ -146,12 +147,14 @@ def run(
     progress: Progress,
     turns: Turns = ALONE,
     wish: str = "",
-    listen: Callable[[bytes], str] | None = None,
+    expression: Expression = PLAIN,
+    listen: Callable[[bytes], tuple[str, Expression]] | None = None,
 ) -> PaintingState:
     """Begin or resume a painting in a folder; its final state.
 
     Args:
         wish: for a painting that is resumed, what a person asks for now; "" for nothing new.
+        expression: how that wish is painted.
         calibration: folder of the rig's calibrations, for hardware that is to move.
         ask: shows a request to the person and returns when it is done.
         page: called with the address of the person's page; None for no page.
@@ -181,13 +184,13 @@ def run(
             graphs = Graphs(bundle, _threads())
             context = _paint_context(graphs, commission, canvas_size_m)
             envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
+            envelope = envelope if rig is None else envelope.narrowed(rig.limits)
+            context = replace(context, max_speed_m_s=envelope.max_speed_m_s)
             goals_for = _goals_for(
                 graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns,
                 standing=partial(_standing, folder),
             )  # fmt: skip
-            first_goal = _first_goal(
-                commission.wanted, context, partial(goals_for, count=1), folder, in_turns=turns.in_turns
-            )
+            first_goal = _first_goal(commission, context, partial(goals_for, count=1), folder, in_turns=turns.in_turns)
             ended: PaintingState | None = None
             while ended is None or ended.phase == "undoing":
                 if has_state(folder) and load_state(folder).phase == "undoing":
@@ -198,7 +201,7 @@ def run(
                 )  # fmt: skip
                 with closing(opened):
                     session = PaintingSession(
-                        robot=GuardedRobot(opened.robot, envelope if rig is None else envelope.narrowed(rig.limits)),
+                        robot=GuardedRobot(opened.robot, envelope),
                         traits=opened.traits, context=context, strokes=commission.strokes,
                         replan_every=commission.replan_every, folder=folder, control=control,
                         on_state=_on_state(served, progress), goals_for=partial(goals_for, count=turns.choices),
@@ -206,7 +209,7 @@ def run(
                     )  # fmt: skip
                     if not has_state(folder):
                         begin(session, first_goal, log=_planning_log(progress, context.planner))
-                    ended = resume_session(session, wish if ended is None else "")
+                    ended = resume_session(session, wish if ended is None else "", expression)
             for message in write_drawings(folder, tool, canvas_size_m):
                 progress.message(message)
             if ended.phase == "done":
@@ -241,7 +244,7 @@ def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[
 
 
 def _first_goal(
-    wanted: Wanted,
+    commission: Commission,
     context: PaintContext,
     goals_for: Callable[[Picture, str], Proposal],
     folder: Path,
@@ -249,6 +252,7 @@ def _first_goal(
     in_turns: bool,
 ) -> Callable[[Picture], Picture]:
     """A function from the canvas to the first goal, uint8 sRGB [H, W, 3] both, which is written down as turn 0."""
+    wanted, expression = commission.wanted, commission.expression
     if wanted.kind == "picture":
         picture = read_image(Path(wanted.value))
         return lambda canvas: goal_from_picture(picture, canvas, context.tool)
@@ -257,8 +261,8 @@ def _first_goal(
 
     def first(canvas: Picture) -> Picture:
         proposal = goals_for(canvas, wanted.value)
-        write_turn(folder, Turn(0, wanted.value, 0, 0, tuple(proposal.things[0])))
-        return proposal.goals[0]
+        write_turn(folder, Turn(0, wanted.value, 0, 0, tuple(proposal.things[0]), expression))
+        return expression.goal(proposal.goals[0], canvas)
 
     return first
 

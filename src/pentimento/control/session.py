@@ -22,9 +22,11 @@ from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.camera import Camera, PaintingFault, visible_mark, visible_share
 from pentimento.control.checkpoint import PaintingState, Phase, load_state, save_state
 from pentimento.control.execute import execute_stroke
+from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.guard import Watchdog
 from pentimento.control.loop import Hooks, Interrupt, run_loop
 from pentimento.control.painter import (
+    PaintContext,
     add_persons_paint,
     as_picture,
     due_for_dip,
@@ -35,7 +37,7 @@ from pentimento.control.painter import (
 )
 from pentimento.control.person import Order
 from pentimento.control.pictures import PLAN, write_pictures
-from pentimento.control.turn import FOR_A_TURN, note_turn, take_turn, words_in
+from pentimento.control.turn import FOR_A_TURN, expression_in, note_turn, take_turn, words_in
 from pentimento.control.undo import remember
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
 from pentimento.planning.strokes.bezier import Strokes
@@ -81,9 +83,7 @@ def begin(
         canvas = Camera(robot, context.canvas_size_m, scale, calibrated=calibrated).observe().picture
     goal = goal_for(canvas)
     start = Start(fresh_memory(context.canvas_size_m, context.tool.nominal_width_m), 0.0, 0)
-    remaining, palette = first_plan(
-        context.about(words_in(session.folder)), canvas, goal, count=session.strokes, start=start, log=log
-    )
+    remaining, palette = first_plan(_asked(session), canvas, goal, count=session.strokes, start=start, log=log)
     state = PaintingState(
         remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
         executed=0, sessions=0, shard=0, turns=0, lines=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
@@ -96,12 +96,13 @@ def begin(
     return state
 
 
-def resume(session: PaintingSession, wish: str = "") -> PaintingState:
+def resume(session: PaintingSession, wish: str = "", expression: Expression = PLAIN) -> PaintingState:
     """Paint the remaining strokes of the painting in the folder; the final state: done, or stopped by a person. In the
     phase "undoing", the robot is to be closed, and the painting resumed after `undo.take_back`.
 
     Args:
         wish: what a person asks for instead, on the canvas as it is now; "" for nothing new.
+        expression: how the wish is painted.
 
     Raises:
         PaintingFault: a person is needed.
@@ -114,7 +115,8 @@ def resume(session: PaintingSession, wish: str = "") -> PaintingState:
     try:
         state, interrupt, outcome = load_state(session.folder), None, None
         waits = state.phase == "undone" or (session.in_turns and state.phase in ("your turn", "choosing"))
-        first = Order("wish", wish) if wish else Order("your turn", state.message if state.phase == "undone" else "")
+        first = Order("your turn", state.message if state.phase == "undone" else "")
+        first = Order("wish", wish, expression) if wish else first
         at = Workplace(session, watchdog, state)
         task = _StrokeByStroke(at)
         hooks = Hooks(interrupt=task.interrupt, checkpoint=at.checkpoint, on_action=task.check_marks)
@@ -257,9 +259,8 @@ class _StrokeByStroke:
     def _with_new_plan(self, state: PaintingState, changed: bool) -> PaintingState:
         self.at.watchdog.beat(PLAN_S, "replanning")
         adapt = replanned_and_pruned if changed else replanned
-        context = self.context.about(words_in(self.session.folder))
         remaining = adapt(
-            context, state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state),
+            _asked(self.session), state.remaining, state.canvas, goal=state.goal, start=self.at.start_of(state),
             palette_srgb=state.palette_srgb,
         )  # fmt: skip
         state = replace(state, remaining=remaining, clock_s=self.at.clock_s)
@@ -292,7 +293,12 @@ class _StrokeByStroke:
         return share is not None and share > _EXECUTED
 
     def _commands(self, strokes: Strokes) -> list[PlannedStroke]:
-        return strokes.planned(self.tool, self.context.brush.path_points)
+        return strokes.planned(_asked(self.session).tool, self.context.brush.path_points)
+
+
+def _asked(session: PaintingSession) -> PaintContext:
+    """The context for plans of what a person asked for last."""
+    return session.context.about(words_in(session.folder), expression_in(session.folder))
 
 
 def _save_reason(session: PaintingSession, reason: str, error: BaseException) -> None:

@@ -14,6 +14,7 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import write_png
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.drawn import drawn_strokes
+from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.layout import Wish
 from pentimento.control.loop import Interrupt
 from pentimento.control.painter import as_picture, first_plan, predict_canvas
@@ -43,6 +44,8 @@ class Turn:
     """Number of strokes that were planned for the words."""
     things: tuple[Wish, ...] = ()
     """What was asked for, and where on the largest centred square of the canvas; empty where that is not known."""
+    expression: Expression = PLAIN
+    """How the words are painted."""
 
 
 def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
@@ -66,7 +69,7 @@ def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[Painti
                     forget(at.session.folder)
                     return _end_of_turn(at, state), "changed"
                 case "wish":
-                    return _wished(at, state, order.value), "changed"
+                    return _wished(at, state, order.value, order.expression), "changed"
                 case "draw":
                     # Counted even if it is refused: the page then no longer shows it.
                     state = replace(state, lines=state.lines + 1)
@@ -112,6 +115,11 @@ def words_in(folder: Path) -> str:
     return next((_taught(turn) for turn in reversed(read_turns(folder)) if turn.words), "")
 
 
+def expression_in(folder: Path) -> Expression:
+    """How what a person asked for last is painted. Raises ContractError as `words_in`."""
+    return next((turn.expression for turn in reversed(read_turns(folder)) if turn.words), PLAIN)
+
+
 def turns_in(folder: Path) -> list[Turn]:
     """The turns of a painting that have a photograph, in their order; without those that led to nothing.
 
@@ -146,33 +154,36 @@ def _end_of_turn(at: Workplace, state: PaintingState) -> PaintingState:
     return state
 
 
-def _wished(at: Workplace, state: PaintingState, words: str) -> PaintingState:
+def _wished(at: Workplace, state: PaintingState, words: str, expression: Expression) -> PaintingState:
     """A new goal for what a person asks for, on the canvas as it is now, and a plan in place of the old one.
 
     Raises:
         ConfigError: the words are not understood, or the person does not choose any of the goals.
     """
-    session, context = at.session, at.context
+    session = at.session
     at.robot.lift()
     state = _end_of_turn(at, state)
     state = at.checkpoint(replace(state, message="The robot thinks of what to draw."))
     at.watchdog.beat(PLAN_S, "a new goal")
     proposal = session.goals_for(state.canvas, words)
+    proposal = replace(proposal, goals=[expression.goal(goal, state.canvas) for goal in proposal.goals])
     state, number = _chosen(at, state, proposal)
     goal, things = proposal.goals[number], proposal.things[number] if proposal.things else ()
     forget(session.folder)
     state = at.checkpoint(replace(state, phase="painting", message="The robot plans its strokes."))
     at.watchdog.beat(PLAN_S, "a new plan")
-    turn = Turn(state.turns, words, state.executed, 0, tuple(things))
+    turn = Turn(state.turns, words, state.executed, 0, tuple(things), expression)
+    context = at.context.about(_taught(turn), expression)
     remaining, palette = first_plan(
-        context.about(_taught(turn)), state.canvas, goal, count=session.strokes, start=at.start_of(state), log=no_log
+        context, state.canvas, goal, count=session.strokes, start=at.start_of(state), log=no_log
     )
     at.watchdog.rest()  # a person may have to fill the paints
     at.load(palette)
     turns = session.folder / TURNS
     write_png(turns / f"{state.turns:03d}_goal.png", goal)
     write_turn(session.folder, replace(turn, planned=len(remaining)))
-    message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *_sentences(proposal)])
+    how = [expression.sentence()] if expression.said else []
+    message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *how, *_sentences(proposal)])
     predicted = predict_canvas(context, remaining, state.canvas, at.start_of(state))
     write_png(session.folder / PLAN, as_picture(predicted))
     state = replace(state, remaining=remaining, palette_srgb=palette, goal=goal, phase="painting", message=message)
@@ -202,7 +213,7 @@ def _chosen(at: Workplace, state: PaintingState, proposal: Proposal) -> tuple[Pa
     numbers = [str(number) for number in range(1, len(goals) + 1)]
     while order.command != "choose" or order.value not in numbers:
         if order.command not in FOR_A_TURN:
-            control.send(order.command, order.value)
+            control.send(order.command, order.value, order.expression)
             raise ConfigError("None of the goals was chosen.")
         order = control.wait()
     return at.look(state, "the look after your choice"), numbers.index(order.value)

@@ -9,7 +9,7 @@ from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts.errors import ConfigError
 from pentimento.hearing.clap import SoundNamer
 from pentimento.hearing.whisper import Transcriber
-from pentimento.sound.recording import Listener
+from pentimento.sound.affect import Heard, Listener, spoken
 
 
 def load_listener(folder: Path, vocabulary: Vocabulary | None) -> Listener:
@@ -28,11 +28,12 @@ def load_listener(folder: Path, vocabulary: Vocabulary | None) -> Listener:
             "the files of its processor, as openai/whisper-base.en or laion/clap-htsat-unfused has."
         ) from error
     if kind == "whisper":
-        return Transcriber.load(folder).words_of
+        return spoken(Transcriber.load(folder).words_of)
     if kind != "clap":
         raise ConfigError(f"{folder} holds a model of type {kind!r}; to listen it must be of type 'whisper' or 'clap'.")
     if vocabulary is None:
         raise ConfigError(
             "The bundle's goal planner knows all words, so nothing lists the things that CLAP could hear; use Whisper."
         )
-    return SoundNamer.load(folder, [noun.one for noun in vocabulary.nouns.values()]).name_of
+    namer = SoundNamer.load(folder, [noun.one for noun in vocabulary.nouns.values()])
+    return lambda recording: Heard(namer.name_of(recording))  # a cat's voice says nothing of the wish

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -52,10 +51,6 @@ class Recording:
     def duration_s(self) -> float:
         """Duration [s]."""
         return len(self.samples) / RATE_HZ
-
-
-Listener = Callable[[Recording], str]
-"""From a recording to the wish in it; raises SoundError where there is none."""
 
 
 def read_recording(path: Path) -> Recording:

@@ -20,7 +20,29 @@ async function offerToListen() {
   const heard = document.createElement("p");
   heard.id = "heard";
   heard.setAttribute("role", "status");
-  field.form.append(speak, heard);
+  const asSaid = document.createElement("input");
+  [asSaid.id, asSaid.type] = ["as-said", "checkbox"];
+  const choice = document.createElement("label");
+  choice.append(asSaid, "Paint it as it was said");
+  choice.hidden = true;
+  field.form.append(speak, heard, choice);
+  let spoken = null; // where a wish is sent that is painted as it was said
+
+  function offer(wish) {
+    spoken = wish;
+    asSaid.checked = wish !== null;
+    choice.hidden = wish === null;
+    choose();
+  }
+
+  function choose() {
+    if (spoken !== null && asSaid.checked) field.dataset.wish = spoken;
+    else delete field.dataset.wish;
+  }
+
+  asSaid.addEventListener("change", choose);
+  field.addEventListener("input", () => field.value === "" && offer(null)); // what is typed next is another wish
+  field.form.addEventListener("submit", () => offer(null)); // after it was sent
 
   let recorder = null;
   speak.addEventListener("click", async () => {
@@ -53,14 +75,15 @@ async function offerToListen() {
     setPressed(false);
     heard.textContent = "Listening to the recording …";
     const answer = await fetch("listen", { method: "POST", body: wav(await samplesOf(sound)) });
-    const text = (await answer.text()).trim();
-    if (answer.ok) {
-      field.value = text;
-      field.focus();
-      heard.textContent = `Heard: ${text}. If that is right, press Ask; else change it.`;
-    } else {
-      heard.textContent = text;
+    if (!answer.ok) {
+      heard.textContent = (await answer.text()).trim();
+      return;
     }
+    const { words, how, wish } = await answer.json();
+    field.value = words;
+    field.focus();
+    offer(how === "" ? null : wish);
+    heard.textContent = `Heard: ${words}. ${how} If that is right, press Ask; else change it.`.replace("  ", " ");
   }
 }
 

@@ -129,7 +129,7 @@ async function send(path, body) {
 for (const button of buttons) button.addEventListener("click", () => send("command", button.dataset.command));
 wish.addEventListener("submit", async (event) => {
   event.preventDefault();
-  if (!(await send("wish", words.value.trim()))) return;
+  if (!(await send(words.dataset.wish ?? "wish", words.value.trim()))) return; // of a spoken wish, how it was said
   asked = true;
   say(message, "The robot thinks of what to draw.");
 });
