@@ -36,6 +36,31 @@ def test_a_spoken_wish_is_painted_and_another_one_after_it(
     assert json.loads((out / "turns/001.json").read_text())["words"] == "two cats"
 
 
+@needs_speech
+def test_a_wish_that_is_said_fast_is_painted_fast_unless_it_is_as_typed(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, fast, typed = speak("a dog", tmp_path / "fast.wav", words_per_minute=260), tmp_path / "a", tmp_path / "b"
+    wish = ["run", str(bundle), "--listen", str(file), "--strokes", "2"]
+    assert main([*wish, "--out", str(fast)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Heard: a dog" and "fast: " in lines[1] and lines[1].endswith("faster.")
+    assert "colours" not in lines[1]  # a pen has its own
+    commission, turn = (json.loads((fast / name).read_text()) for name in ("commission.json", "turns/000.json"))
+    assert commission["expression"] == turn["expression"] and turn["expression"]["tempo"] > 1
+    assert main([*wish, "--as-typed", "--out", str(typed)]) == 0
+    assert "Said" not in capsys.readouterr().out
+    assert json.loads((typed / "turns/000.json").read_text())["expression"]["tempo"] == 1
+    assert main(["run", "--resume", str(typed), "--listen", str(file)]) == 0
+    assert json.loads((typed / "turns/001.json").read_text())["expression"] == turn["expression"]
+
+
+def test_as_typed_needs_something_to_hear(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", str(bundle), "--out", "nowhere", "--goal-text", "a cat", "--as-typed"])
+    assert "--as-typed" in capsys.readouterr().err
+
+
 def test_a_file_without_speech_leaves_no_folder(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

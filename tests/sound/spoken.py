@@ -15,10 +15,10 @@ ESPEAK = shutil.which("espeak-ng")
 WORDS_PER_MINUTE = 150
 
 
-def speak(words: str, path: Path, voice: str = "en-us+f2") -> Path:
+def speak(words: str, path: Path, voice: str = "en-us+f2", words_per_minute: int = WORDS_PER_MINUTE) -> Path:
     """A file with spoken words: mono, 16 bits, 22,050 Hz."""
     assert ESPEAK is not None
-    subprocess.run([ESPEAK, "-v", voice, "-s", str(WORDS_PER_MINUTE), "-w", str(path), words], check=True)
+    subprocess.run([ESPEAK, "-v", voice, "-s", str(words_per_minute), "-w", str(path), words], check=True)
     return path
 
 

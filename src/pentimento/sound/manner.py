@@ -25,8 +25,8 @@ _SPEECH_HZ: Final = (200.0, 4000.0)
 """Band in which levels are measured: hum and rumble lie below it, hiss above."""
 _QUIET: Final = 0.1
 """Quantile of the levels that is the background's: a recording begins and ends with a pause."""
-_DIGITAL_SILENCE: Final = 1e-10
-"""Power (-100 dB of full scale) below which a background was not recorded, but made."""
+_DIGITAL_SILENCE: Final = 1e-8
+"""Power (-80 dB of full scale) below which a background was not recorded, but made or suppressed."""
 _ABOVE_DB: Final = 6.0
 """Frames so much louder than the background are speech..."""
 _BELOW_DB: Final = 25.0
@@ -39,10 +39,18 @@ _PITCH_HZ: Final = (65.0, 500.0)
 _PITCH_BAND_HZ: Final = (60.0, 1000.0)
 """Band in which periods are sought: it holds the lower harmonics, and less noise than the whole."""
 _PITCH_WINDOW: Final = round(0.025 * RATE_HZ)
+_PERIODIC: Final = 0.1
+"""Share of the power that is not periodic, below which the shortest lag is the period (de Cheveigné and Kawahara)."""
 _APERIODIC: Final = 0.2
-"""Share of a frame's power that is not periodic, from which on it is unvoiced."""
+"""The same share, from which on a frame is unvoiced."""
 _MIN_VOICED: Final = 10
 """Frames; fewer give no pitch."""
+_MIN_LOUDNESS_DB: Final = 10.0
+"""Below it noise hides the ends of words, so that neither pace nor pitch range are those of the speech."""
+
+
+_SILENT_E: Final = re.compile(r"(?<![^aeiouy]l)(?:(?<=[^aeiouy])e|(?<=[^aeiouycghsxz])es)$")
+"""As in whale and whales; the e of apple, apples and horses is heard."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,7 @@ class Manner:
     """How something was said. NaN stands for what cannot be measured in the recording."""
 
     loudness_db: float
-    """Power of the speech over that of the recording's background. NaN where the background is digital silence."""
+    """Power of the speech over that of the recording's background [dB]. NaN where that is digital silence."""
     pitch_hz: float
     """Median frequency of the voice."""
     pitch_range_st: float
@@ -62,8 +70,8 @@ class Manner:
 def manner_of(recording: Recording, words: str) -> Manner:
     """How the words of a recording were said.
 
-    Syllables are counted in the words, since in a noisy recording they cannot be counted as well as words can be
-    recognised.
+    Args:
+        words: what was said, in English; their syllables are counted.
     """
     levels = speech_levels(recording)
     speech = is_speech(levels)
@@ -73,12 +81,14 @@ def manner_of(recording: Recording, words: str) -> Manner:
     pitches = pitches_hz(recording)
     count = min(len(pitches), len(speech))
     voiced = pitches[:count][speech[:count] & np.isfinite(pitches[:count])]
-    pitch_hz = range_st = math.nan
+    pitch_hz = range_st = pace_hz = math.nan
+    if loudness_db < _MIN_LOUDNESS_DB or not speech.any():
+        return Manner(loudness_db, pitch_hz, range_st, pace_hz)
     if len(voiced) >= _MIN_VOICED:
         low, pitch_hz, high = (float(value) for value in np.quantile(voiced, [0.1, 0.5, 0.9]))
         range_st = 12 * math.log2(high / low)
-    duration_s = speaking_s(speech)
-    pace_hz = syllables(words) / duration_s if duration_s > 0 else math.nan
+    if count_syllables := syllables(words):
+        pace_hz = count_syllables / speaking_s(speech)
     return Manner(loudness_db, pitch_hz, range_st, pace_hz)
 
 
@@ -110,7 +120,7 @@ def pitches_hz(recording: Recording) -> FloatArray:
     """Frequency of the voice in each frame; NaN where it is unvoiced.
 
     YIN (de Cheveigné and Kawahara 2002, "YIN, a fundamental frequency estimator for speech and music"): the shortest
-    lag at which the frame differs from itself by little of its power.
+    lag at which the frame differs from itself by little of its power, or else the lag at which it differs least.
     """
     shortest, longest = (round(RATE_HZ / hertz) for hertz in reversed(_PITCH_HZ))
     frames = _frames(_band(recording.samples, _PITCH_BAND_HZ), _PITCH_WINDOW + longest + 1)
@@ -121,16 +131,17 @@ def pitches_hz(recording: Recording) -> FloatArray:
     product = np.fft.rfft(frames, 2 * size) * np.conj(np.fft.rfft(first, 2 * size))
     together = np.fft.irfft(product)[:, : longest + 2]
     power = np.cumsum(np.pad(frames**2, ((0, 0), (1, 0))), axis=1)
-    windows = power[:, _PITCH_WINDOW:] - power[:, : -_PITCH_WINDOW or None]
+    windows = power[:, _PITCH_WINDOW:] - power[:, :-_PITCH_WINDOW]
     differs = np.maximum(windows[:, :1] + windows[:, : longest + 2] - 2 * together, 0.0)
     lags = np.arange(1, longest + 2)
-    aperiodic = differs[:, 1:] * lags / np.maximum(np.cumsum(differs[:, 1:], axis=1), 1e-30)
+    total = np.cumsum(differs[:, 1:], axis=1)
+    aperiodic = np.where(total > 0, differs[:, 1:] * lags / np.where(total > 0, total, 1.0), 1.0)  # 1 in silence
     found = np.full(len(frames), np.nan)
     for number, row in enumerate(aperiodic):
-        below = np.flatnonzero(row[shortest - 1 : longest] < _APERIODIC)
-        if not len(below):
+        possible = row[shortest - 1 : longest]
+        if possible.min() >= _APERIODIC:
             continue
-        at = shortest - 1 + below[0]
+        at = shortest - 1 + int(np.argmax(possible < max(_PERIODIC, float(possible.min()) + 1e-12)))
         while at + 1 < longest and row[at + 1] < row[at]:
             at += 1
         found[number] = RATE_HZ / (lags[at] + _vertex(row[at - 1 : at + 2]))
@@ -139,11 +150,8 @@ def pitches_hz(recording: Recording) -> FloatArray:
 
 def syllables(words: str) -> int:
     """Number of syllables in English words: groups of vowels, without a silent e at a word's end. At least 1 a word."""
-    found = 0
-    for word in re.findall(r"[a-z']+", words.lower()):
-        stem = re.sub(r"(?<=[^aeiouyl])e$|(?<=[aeiouy]l)e$|(?<=[^aeiouysxz])es$", "", word)
-        found += max(len(re.findall(r"[aeiouy]+", stem)), 1)
-    return found
+    stems = (_SILENT_E.sub("", word) for word in re.findall(r"[\w']+", words.lower()))
+    return sum(max(len(re.findall(r"[aeiouy]+", stem)), 1) for stem in stems)
 
 
 def _vertex(three: FloatArray) -> float:
