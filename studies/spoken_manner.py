@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Final
@@ -54,6 +55,7 @@ MANNERS: Final = {
 }  # fmt: skip
 
 
+@cache
 def said(words: str, voice: str, setting: Setting) -> Samples:
     """Samples of espeak-ng's speech, with .4 s of silence around it."""
     text = f'<speak><prosody range="{setting.range}">{words}</prosody></speak>'

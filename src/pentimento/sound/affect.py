@@ -30,7 +30,7 @@ _LOUDNESS_DB: Final = ((6.0, 18.0), (38.0, 50.0))
 rooms. A step of vocal effort is 6 dB (ISO 9921:2003)."""
 _RANGE_ST: Final = ((1.2, 2.4), (6.5, 13.0))
 """The same of the pitch's range: of standard deviations of 1 to 2.5 semitones."""
-_PACE_HZ: Final = ((2.3, 3.4), (5.4, 8.0))
+_PACE_HZ: Final = ((2.55, 3.4), (5.4, 7.2))
 """The same of syllables in a second."""
 _CUES_FOR_ALL: Final = 2.0
 """Cues, of three, that say the same when arousal is 1."""

@@ -48,7 +48,6 @@ _MIN_VOICED: Final = 10
 _MIN_LOUDNESS_DB: Final = 10.0
 """Below it noise hides the ends of words, so that neither pace nor pitch range are those of the speech."""
 
-
 _SILENT_E: Final = re.compile(r"(?<![^aeiouy]l)(?:(?<=[^aeiouy])e|(?<=[^aeiouycghsxz])es)$")
 """As in whale and whales; the e of apple, apples and horses is heard."""
 
@@ -87,8 +86,8 @@ def manner_of(recording: Recording, words: str) -> Manner:
     if len(voiced) >= _MIN_VOICED:
         low, pitch_hz, high = (float(value) for value in np.quantile(voiced, [0.1, 0.5, 0.9]))
         range_st = 12 * math.log2(high / low)
-    if count_syllables := syllables(words):
-        pace_hz = count_syllables / speaking_s(speech)
+    if number := syllables(words):
+        pace_hz = number / speaking_s(speech)
     return Manner(loudness_db, pitch_hz, range_st, pace_hz)
 
 
