@@ -35,7 +35,7 @@ from pentimento.control.undo import can_undo
 
 _FILES = (GOAL, NEXT, PREVIEW, PHOTOGRAPH)
 _SAVE = "save/"
-_SAID = re.compile(r"wish/([0-9]{1,6})")  # a wish that was heard, by the number of its recording
+_HEARD = re.compile(r"wish/([0-9]{1,6})")  # a wish that was heard, by the number of its recording
 _GOAL = re.compile(rf"{GOALS}/[1-9]\.png")
 _LAST_LOOK_S = 1.2  # an open page asks for the state every 0.5 s
 _MAX_BYTES = 100_000  # of a request's body
@@ -183,9 +183,9 @@ class Page:
             return self._draw(text)
         if path == "command" and command is not None:
             self._hand_over(command, "")
-        elif path == "wish" or ((said := _SAID.fullmatch(path)) and int(said[1]) < len(self._expressions)):
+        elif (expression := self._expression_at(path)) is not None:
             try:
-                self._hand_over("wish", plain_text(text), PLAIN if path == "wish" else self._expressions[int(said[1])])
+                self._hand_over("wish", plain_text(text), expression)
             except ConfigError as error:
                 return _sentence(HTTPStatus.BAD_REQUEST, str(error))
         elif path == "choose" and text.isdecimal():
@@ -200,6 +200,13 @@ class Page:
         with self._lock:
             self._handed_over = True
             self._control.send(command, value, expression)
+
+    def _expression_at(self, path: str) -> Expression | None:
+        """How a wish is painted that is sent to a path; None where no wishes are sent to."""
+        heard = _HEARD.fullmatch(path)
+        if heard is None:
+            return PLAIN if path == "wish" else None
+        return next(iter(self._expressions[int(heard[1]) :]), None)
 
     def _draw(self, line: str) -> Response:
         """Send a line on, and answer with its number among those of all pages; refuse it after the person's turn."""
