@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pentimento.cli.listening import confirmed
+from pentimento.cli.listening import confirmed, page_listener
 from pentimento.cli.main import main
+from pentimento.contracts.codec import to_plain
 from pentimento.contracts.errors import ConfigError
 from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
 from tests.sound.spoken import ESPEAK, speak, tone, wav
@@ -53,6 +54,10 @@ def test_a_wish_that_is_said_fast_is_painted_fast_unless_it_is_as_typed(
     assert json.loads((typed / "turns/000.json").read_text())["expression"]["tempo"] == 1
     assert main(["run", "--resume", str(typed), "--listen", str(file)]) == 0
     assert json.loads((typed / "turns/001.json").read_text())["expression"] == turn["expression"]
+    listen = page_listener(bundle, commission["setting"], None)
+    assert listen is not None
+    words, expression = listen(file.read_bytes())
+    assert words == "a dog" and to_plain(expression) == turn["expression"]
 
 
 def test_as_typed_needs_something_to_hear(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
