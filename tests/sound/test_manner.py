@@ -49,6 +49,12 @@ def test_range_of_a_glide_is_eight_tenths_of_its_ends_interval() -> None:
     assert found.pitch_hz == pytest.approx(120 * math.sqrt(2), rel=0.02)
 
 
+def test_a_few_frames_an_octave_apart_are_no_range() -> None:
+    steady, creak = np.full(RATE_HZ, 160.0), np.full(RATE_HZ // 6, 80.0)
+    found = manner_of(in_room(pulses(np.concatenate([steady, creak]))), "ah")
+    assert found.pitch_range_st < 0.3 and found.pitch_hz == pytest.approx(160.0, rel=0.01)
+
+
 def test_range_is_the_same_an_octave_higher() -> None:
     rising = 2 ** np.linspace(0.0, 0.5, RATE_HZ)
     low, high = (manner_of(in_room(pulses(base * rising)), "ah") for base in (110.0, 220.0))

@@ -43,6 +43,8 @@ _PERIODIC: Final = 0.1
 """Share of the power that is not periodic, below which the shortest lag is the period (de Cheveigné and Kawahara)."""
 _APERIODIC: Final = 0.2
 """The same share, from which on a frame is unvoiced."""
+_OCTAVE_ERRORS: Final = (0.75, 1.5)
+"""Factors of the first and third quartile of the pitch, beyond which it is an octave error (De Looze and Hirst 2008)."""
 _MIN_VOICED: Final = 10
 """Frames; fewer give no pitch."""
 _MIN_LOUDNESS_DB: Final = 10.0
@@ -83,6 +85,9 @@ def manner_of(recording: Recording, words: str) -> Manner:
     pitch_hz = range_st = pace_hz = math.nan
     if loudness_db < _MIN_LOUDNESS_DB or not speech.any():
         return Manner(loudness_db, pitch_hz, range_st, pace_hz)
+    if len(voiced):
+        below, above = np.quantile(voiced, [0.25, 0.75]) * _OCTAVE_ERRORS
+        voiced = voiced[(voiced >= below) & (voiced <= above)]
     if len(voiced) >= _MIN_VOICED:
         low, pitch_hz, high = (float(value) for value in np.quantile(voiced, [0.1, 0.5, 0.9]))
         range_st = 12 * math.log2(high / low)
