@@ -44,7 +44,7 @@ _PERIODIC: Final = 0.1
 _APERIODIC: Final = 0.2
 """The same share, from which on a frame is unvoiced."""
 _OCTAVE_ERRORS: Final = (0.75, 1.5)
-"""Factors of the first and third quartile of the pitch, beyond which it is an octave error (De Looze and Hirst 2008)."""
+"""Factors of the pitch's first and third quartile, beyond which it is an octave error (De Looze and Hirst 2008)."""
 _MIN_VOICED: Final = 10
 """Frames; fewer give no pitch."""
 _MIN_LOUDNESS_DB: Final = 10.0
