@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pentimento.bundle.graphs import (
     GraphBrush,
     GraphMeaning,
+    GraphPathBrush,
     Graphs,
     PictureStyle,
     SemanticObjective,
@@ -25,19 +26,31 @@ from pentimento.bundle.graphs import (
 )
 from pentimento.bundle.manifest import GraphEntry
 from pentimento.bundle.reader import Bundle, open_bundle
+from pentimento.calibration.observe import calibrate_camera
 from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.markers import markers_around
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.painter import as_linear
+from pentimento.control.safety import envelope_for
 from pentimento.deploy.objective_graphs import style_graphs
 from pentimento.dynamics.strokes.planned import TorchBrush
+from pentimento.handwriting.drawing import TorchPathBrush, draw_shapes
+from pentimento.planning.objectives import PrintObjective
 from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.brush import Marks
+from pentimento.planning.strokes.brush import BezierBrush, Marks, PathBrush
+from pentimento.planning.strokes.config import no_log
+from pentimento.planning.strokes.scene import scene_with
+from pentimento.planning.strokes.shapes import ShapedStrokes
 from pentimento.robots.tools import load_tool
+from pentimento.robots.virtual import virtual_robot
 from pentimento.semantics.objective import EncoderMeaning, TorchObjective
 from pentimento.semantics.style import StyleObjective as TorchStyle
 from pentimento.semantics.style_features import LocalFeatures
-from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
+from tests.bundle.small_hands import HAND_POINTS
+from tests.bundle.tiny_bundle import CANVAS_M, HAND_PLANNER, PLANNER
 from tests.copainting.goal_planners import CAPTIONS
-from tests.deploy.bundles import BRUSH, small_bundle
+from tests.deploy.bundles import BRUSH, PATH_BRUSH, small_bundle
 
 pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
 Array = NDArray[np.float32]
@@ -55,7 +68,7 @@ def styles() -> Graphs:
     entries = {n: GraphEntry(n, g.inputs, g.outputs, g.parity, 1e-4, ()) for n, g in exported.items()}
     contents = {name: graph.content for name, graph in exported.items()}
     manifest = replace(open_bundle(small_bundle()[0]).manifest, graphs=entries, styles={"style": facts})
-    return Graphs(Bundle(small_bundle()[0], "", manifest, {}, contents, None))
+    return Graphs(Bundle(small_bundle()[0], "", manifest, {}, contents, None, {}))
 
 
 def some_strokes(count: int) -> tuple[Strokes, dict[str, Array]]:
@@ -93,6 +106,52 @@ def test_graph_brush_equals_pytorch(graphs: Graphs, count: int) -> None:
         assert np.linalg.norm(found - wanted) <= 1e-4 * np.linalg.norm(wanted)
     places = rng.random((5, 2), np.float32) * np.float32(0.05)
     np.testing.assert_allclose(ours.gain(places), theirs.gain(places), rtol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 30])
+def test_graph_path_brush_equals_pytorch(graphs: Graphs, count: int) -> None:
+    tool, rng = load_tool("marker"), np.random.default_rng(count)
+    ours, theirs = GraphPathBrush(graphs, PATH_BRUSH, tool), TorchPathBrush(
+        small_bundle()[1].strokes["marker"], tool, HAND_POINTS
+    )  # fmt: skip
+    assert isinstance(ours, PathBrush) and not isinstance(ours, BezierBrush)
+    assert (ours.fitted, ours.timing, ours.path_points) == (theirs.fitted, theirs.timing, theirs.path_points)
+    bezier, inherited = some_strokes(count)
+    parameters = graphs.bundle.hand("anna").sample(count, rng)
+    strokes = ShapedStrokes(
+        graphs.bundle.hand("anna"), 1.0, parameters, parameters.copy(), bezier.middle_m, bezier.theta_rad,
+        bezier.press_m, bezier.color,
+    )  # fmt: skip
+    (marks, pull), (expected, pull_expected) = (strokes.marks(brush, inherited) for brush in (ours, theirs))
+    for found, wanted in zip(marks, expected, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-7)
+    cotangent = Marks(*(rng.standard_normal(field.shape).astype(np.float32) for field in marks))
+    for found, wanted in zip(pull(cotangent), pull_expected(cotangent), strict=True):
+        assert np.linalg.norm(found - wanted) <= 1e-4 * np.linalg.norm(wanted)
+    with pytest.raises(ConfigError, match="takes paths only"):
+        bezier.marks(ours, inherited)
+    with pytest.raises(ConfigError, match="takes Bézier strokes only"):
+        strokes.marks(GraphBrush(graphs, BRUSH), inherited)
+
+
+def test_drawing_in_a_hand_equals_the_workshops(graphs: Graphs) -> None:
+    tool, hand = load_tool("marker"), graphs.bundle.hand("anna")
+    config = HAND_PLANNER.of(PLANNER, HAND_POINTS)
+    workshop = TorchPathBrush(small_bundle()[1].strokes["marker"], tool, HAND_POINTS)
+    target = np.ones((round(CANVAS_M[1] * 800), round(CANVAS_M[0] * 800), 3), np.float32)
+    target[8:12, 8:40] = target[12:26, 22:26] = 0.05
+    errors = []
+    for brush in (GraphPathBrush(graphs, PATH_BRUSH, tool), workshop):
+        robot = GuardedRobot(virtual_robot("marker", CANVAS_M, 3), envelope_for(tool, CANVAS_M))
+        robot.change_tool(tool)
+        calibration = calibrate_camera(robot.photo(), markers_around(CANVAS_M))
+        drawing = draw_shapes(
+            robot, calibration, scene_with(brush, tool, CANVAS_M, target), shapes=hand, ink_m=0.15, replan_every=4,
+            config=config, log=no_log,
+        )  # fmt: skip
+        assert len(drawing.executed) > 4
+        errors.append(PrintObjective(target, config.distances_px)(as_linear(drawing.photo))[0])
+    assert errors[0] == pytest.approx(errors[1], rel=0.02)
 
 
 def test_graph_brush_pull_uses_the_strokes_of_the_forward_pass(graphs: Graphs) -> None:

@@ -20,8 +20,10 @@ from pentimento.bundle.manifest import Manifest
 from pentimento.bundle.reader import MANIFEST, MAX_FILE_BYTES, BundleError, open_bundle
 from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.control.safety import envelope_for
+from pentimento.planning.strokes.latent import decoder_bytes
 from pentimento.robots.tools import load_tool
 from pipelines._imports import ROOT, imported_names
+from tests.bundle.small_hands import HAND_POINTS, small_hand
 from tests.bundle.tiny_bundle import CANVAS_M, GRAPHS, change, graph, relist, write_tiny_bundle
 from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
 from tests.control.sculpting_bundle import SETTINGS
@@ -303,7 +305,7 @@ def test_open_bundle_rejects_an_envelope_wider_than_the_local_one(bundle: Path) 
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"schema": 1}, "schema 1 and this version reads 6; write the bundle again with the stage deploy"),
+        ({"schema": 1}, "schema 1 and this version reads 7; write the bundle again with the stage deploy"),
         ({"sculpting": {"clay_foam": to_plain(SETTINGS)}}, "refers to 'clay_foam'"),
         ({"schema": "1"}, "schema '1'"),
         ({"more": 1}, r"unknown keys \['more'\]"),
@@ -324,6 +326,35 @@ def test_open_bundle_reads_what_the_goal_planner_was_taught(bundle: Path, tmp_pa
     assert open_bundle(taught).vocabulary == small_vocabulary()
 
 
+def test_open_bundle_reads_hands_and_names_them(tmp_path: Path) -> None:
+    opened = open_bundle(write_painting_bundle(tmp_path / "hands", hands=("anna", "bert")))
+    assert opened.hand("anna").points == HAND_POINTS
+    with pytest.raises(BundleError, match=r"no hand 'carl'; it has anna, bert\."):
+        opened.hand("carl")
+
+
+def test_open_bundle_without_hands_says_so(bundle: Path) -> None:
+    with pytest.raises(BundleError, match=r"has no hands, .* deploy --hands"):
+        open_bundle(bundle).hand("anna")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "holds no decoder"),
+        (b"PK\x03\x04 and no more", "holds no decoder"),
+        (decoder_bytes(small_hand("bert")), "is in its file that of 'bert'"),
+        (decoder_bytes(small_hand("anna", 5)), "has paths of 5 points, and the brush pen_path of 6"),
+    ],
+)
+def test_open_bundle_rejects_a_damaged_hand(tmp_path: Path, content: bytes, message: str) -> None:
+    folder = write_painting_bundle(tmp_path / "hands", hands=("anna",))
+    (folder / "hands/anna.npz").write_bytes(content)
+    relist(folder)
+    with pytest.raises(BundleError, match=message):
+        open_bundle(folder)
+
+
 @pytest.mark.parametrize("text", ["", "[]", '{"nouns": {}}', '{"notice": "", "nouns": {"cat": "cats"}}', "[" * 100_000])
 def test_open_bundle_rejects_a_damaged_vocabulary(tmp_path: Path, text: str) -> None:
     taught = write_painting_bundle(tmp_path / "taught", small_vocabulary())
@@ -338,7 +369,7 @@ def test_open_bundle_rejects_a_damaged_vocabulary(tmp_path: Path, text: str) -> 
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"schema": 6, "schema": 6}', '{"schema": NaN}', "[" * 100_000, "\xff"]
+    "text", ["", "[]", "{", '{"schema": 7, "schema": 7}', '{"schema": NaN}', "[" * 100_000, "\xff"]
 )
 def test_open_bundle_rejects_malformed_json(bundle: Path, text: str) -> None:
     (bundle / MANIFEST).write_bytes(text.encode("latin-1"))

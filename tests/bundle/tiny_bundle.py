@@ -33,6 +33,7 @@ from pentimento.planning.strokes.brush import StrokeTiming
 from pentimento.planning.strokes.config import (
     PRINT_ALONE,
     ExecutionNoise,
+    HandPlanConfig,
     LearningRates,
     PlannerConfig,
 )
@@ -55,6 +56,9 @@ PLANNER = PlannerConfig(
 )  # fmt: skip
 
 
+HAND_PLANNER = HandPlanConfig(rounds=2, max_latent_distance=1.0, shape_rate=0.05)
+
+
 def graph(opset: int = OPSET, ir_version: int = IR_VERSION, domain: str = "") -> onnx.ModelProto:
     """y = x + 1 for x [n, 2]."""
     ports = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 2]) for name in ("x", "y")]
@@ -73,7 +77,7 @@ def write_tiny_bundle(folder: Path) -> Path:
     words = WordsFacts("words/vocab.json", "words/merges.txt", 8)
     x, y = (Port(name, ("n", 2), "float32", "1") for name in ("x", "y"))
     setting = Setting(
-        "tools/marker.toml", "pen", "with a marker", CANVAS_M, 6, 3, PLANNER,
+        "tools/marker.toml", "pen", None, "with a marker", CANVAS_M, 6, 3, PLANNER,
         envelope_for(load_tool("marker"), CANVAS_M),
     )  # fmt: skip
     manifest = Manifest(
@@ -93,6 +97,8 @@ def write_tiny_bundle(folder: Path) -> Path:
         styles={},
         clays={},
         sculpting={},
+        hands={},
+        hand_planner=HAND_PLANNER,
     )
     for name, data in contents.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

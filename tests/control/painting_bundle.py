@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from pentimento.bundle.reader import MANIFEST
 from pentimento.bundle.vocabulary import Noun, Vocabulary
 from pentimento.contracts.codec import to_plain
+from pentimento.planning.strokes.latent import write_decoder
 from pentimento.robots.strokes import shape_basis
+from tests.bundle.small_hands import HAND_POINTS, small_hand
 from tests.bundle.tiny_bundle import PLANNER, add_graphs, change, numbers, relist, write_tiny_bundle
 
 POINTS = PLANNER.path_points
@@ -84,6 +87,35 @@ PULL = f"""
     d_press_m = Mul (press_m, zero)
     d_color = Identity (d_paint)
 }}"""
+# Commanded paths are the lines.
+PATH_MARKS = f"""
+(float[S,{HAND_POINTS},5] path, float[S,3] color)
+=> (float[S,{HAND_POINTS},2] points_m, float[S,{HAND_POINTS}] radius_m, float[S,{HAND_POINTS}] density,
+    float[S,{HAND_POINTS}] softness, float[S,3] paint)
+<float zero = {{0}}, float r = {{0.0011}}, float d = {{0.85}}, float s = {{0.4}}>
+{{
+    first = Constant <value_ints = [1]> ()
+    end = Constant <value_ints = [3]> ()
+    axis = Constant <value_ints = [2]> ()
+    points_m = Slice (path, first, end, axis)
+    depth = Constant <value_int = 3> ()
+    z = Gather <axis = 2> (path, depth)
+    nothing = Mul (z, zero)
+    radius_m = Add (nothing, r)
+    density = Add (nothing, d)
+    softness = Add (nothing, s)
+    paint = Identity (color)
+}}"""
+PATH_PULL = f"""
+(float[S,{HAND_POINTS},5] path, float[S,3] color, float[S,{HAND_POINTS},2] d_points_m,
+ float[S,{HAND_POINTS}] d_radius_m, float[S,{HAND_POINTS}] d_density, float[S,{HAND_POINTS}] d_softness,
+ float[S,3] d_paint)
+=> (float[S,{HAND_POINTS},5] d_path, float[S,3] d_color)
+{{
+    around = Constant <value_ints = [0, 0, 1, 0, 0, 2]> ()
+    d_path = Pad (d_points_m, around)
+    d_color = Identity (d_paint)
+}}"""
 READ = """(int64[B,8] tokens) => (float[B,8,1] states)
 { last = Constant <value_ints = [2]> ()
   numbers = Cast <to = 1> (tokens)
@@ -119,7 +151,9 @@ def small_vocabulary() -> Vocabulary:
     return Vocabulary("written by hand", False, {"cat": cat, "dog": dog})
 
 
-def write_painting_bundle(folder: Path, vocabulary: Vocabulary | None = None) -> Path:
+def write_painting_bundle(
+    folder: Path, vocabulary: Vocabulary | None = None, hands: Sequence[str] = ()
+) -> Path:  # fmt: skip
     """Write the bundle into a new folder; its goal planner knows all words, or a vocabulary."""
     write_tiny_bundle(folder)
     add_graphs(folder, _GRAPHS, "stroke_marker")
@@ -130,5 +164,16 @@ def write_painting_bundle(folder: Path, vocabulary: Vocabulary | None = None) ->
         (folder / "words/nouns.json").write_text(json.dumps(to_plain(vocabulary)))
         goal = json.loads((folder / MANIFEST).read_text())["goal"]
         change(folder, goal=goal | {"nouns": "words/nouns.json"})
+    if hands:
+        add_graphs(folder, {"pen_path_marks": PATH_MARKS, "pen_path_pull": PATH_PULL}, "stroke_marker")
+        for hand in hands:
+            write_decoder(folder / f"hands/{hand}.npz", small_hand(hand))
+        manifest = json.loads((folder / MANIFEST).read_text())
+        brush = manifest["brushes"]["pen"] | {"path_points": HAND_POINTS}
+        change(
+            folder, brushes=manifest["brushes"] | {"pen_path": brush},
+            settings={"pen": manifest["settings"]["pen"] | {"path_brush": "pen_path"}},
+            hands={hand: {"file": f"hands/{hand}.npz", "synthetic": False} for hand in hands},
+        )  # fmt: skip
     relist(folder)
     return folder

@@ -18,6 +18,8 @@ from pentimento.control.checkpoint import (
     write_checkpoint,
 )
 from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.shapes import ShapedStrokes
+from tests.bundle.small_hands import HAND_POINTS, small_hand
 
 VALUES: dict[str, Any] = {"executed": 7, "message": "The cable is out – see to it.", "places": [[0.1, 0.2]]}
 ARRAYS: Arrays = {"canvas": np.arange(24, dtype=np.uint8).reshape(2, 4, 3), "left_m": np.array([0.5, np.nan])}
@@ -101,6 +103,8 @@ def _state() -> PaintingState:
 def _same(one: object, other: object) -> bool:
     if isinstance(one, np.ndarray):
         return isinstance(other, np.ndarray) and one.dtype == other.dtype and np.array_equal(one, other, equal_nan=True)
+    if isinstance(one, tuple):
+        return isinstance(other, tuple) and all(map(_same, one, other))
     if hasattr(one, "__dataclass_fields__"):
         return all(_same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one))  # type: ignore[arg-type]
     return one == other
@@ -112,6 +116,17 @@ def test_painting_state_round_trip(tmp_path: Path) -> None:
     save_state(tmp_path, replace(_state(), executed=8, phase="done"))
     assert load_state(tmp_path).executed == 8
     assert [path.name for path in tmp_path.iterdir()] == ["state.npz"]  # no temporary file remains
+
+
+def test_strokes_in_a_hand_round_trip_with_their_decoder(tmp_path: Path) -> None:
+    rng, decoder = np.random.default_rng(1), small_hand("anna")
+    shapes = ((4, 2), (4, 2), (4, 2), (4,), (4, 3), (4, 3))
+    strokes = ShapedStrokes(decoder, 0.7, *(rng.normal(size=shape).astype(np.float32) for shape in shapes))
+    save_state(tmp_path, replace(_state(), remaining=strokes, hand="bert"))
+    loaded = load_state(tmp_path)
+    assert _same(loaded, replace(_state(), remaining=strokes, hand="bert"))
+    assert isinstance(loaded.remaining, ShapedStrokes)
+    np.testing.assert_array_equal(loaded.remaining.paths(HAND_POINTS), strokes.paths(HAND_POINTS))
 
 
 def test_painting_state_missing_is_refused(tmp_path: Path) -> None:

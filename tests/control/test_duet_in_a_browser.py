@@ -78,7 +78,7 @@ def ask(tab: Browser, words: str) -> None:
 
 @pytest.mark.timeout(400)
 def test_duet_of_three_turns_in_two_tabs_survives_undo_and_a_kill(tmp_path: Path) -> None:
-    bundle = write_painting_bundle(tmp_path / "bundle", small_vocabulary())
+    bundle = write_painting_bundle(tmp_path / "bundle", small_vocabulary(), hands=("anna", "bert"))
     folder, pictures = tmp_path / "duet", Path(os.environ.get("PENTIMENTO_SCREENSHOTS", tmp_path))
     studio = Studio("studio", bundle, "--out", folder, "--seed", "5")
     try:
@@ -107,9 +107,14 @@ def test_duet_of_three_turns_in_two_tabs_survives_undo_and_a_kill(tmp_path: Path
             for each in (tab, other):
                 each.call("Page.bringToFront")
                 each.wait("received === 5 && sent.length === 0")
-            # Turn 2, in the other tab; its batch is undone, and it is told to go on.
+            # Turn 2, in the other tab, in a hand that is chosen by the keyboard; its batch is undone, and it is told to
+            # go on.
+            other.evaluate("document.getElementById('hand').focus()")
+            other.press("ArrowDown", 40)
+            tab.call("Page.bringToFront")
+            tab.wait("document.getElementById('hand').value === 'anna'")  # the other tab shows it, too
             ask(other, "a dog")
-            at_turn(other, folder)
+            assert at_turn(other, folder).hand == "anna"
             before = load_state(folder)
             other.click(button("undo"))
             other.wait("document.body.innerText.includes('undone')")
@@ -127,7 +132,7 @@ def test_duet_of_three_turns_in_two_tabs_survives_undo_and_a_kill(tmp_path: Path
             # Turn 3, after a resume at a new address; the old tab stays as it is.
             studio = Studio("run", "--resume", folder, "--turns", "--choices", "3", "--page")
             resumed = opened(tab, studio.address, folder)
-            assert resumed.turns == 3 and resumed.lines == 5
+            assert resumed.turns == 3 and resumed.lines == 5 and resumed.hand == "anna"
             _draw_by_keys(tab)
             tab.wait("received === 6 && sent.length === 0")
             ask(tab, "a cat")

@@ -82,6 +82,8 @@ def test_a_robot_is_no_faster_than_it_may_be() -> None:
     assert VIVID.tool(tool, max_speed_m_s=0.065).speed_m_s == 0.065
     assert VIVID.tool(tool, max_speed_m_s=0.01).speed_m_s == tool.speed_m_s  # refused as without an expression
     assert replace(paint_context(), max_speed_m_s=0.065).about("", VIVID).tool.speed_m_s == 0.065
+    in_hands = replace(paint_context(), hands={"anna": paint_context()}).about("", VIVID)
+    assert in_hands.in_hand("anna").tool == in_hands.tool != paint_context().tool
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])

@@ -103,6 +103,20 @@ def test_page_passes_on_wishes_and_choices(served: tuple[Page, Control]) -> None
     assert control.poll() is None
 
 
+def test_page_offers_the_hands_of_the_bundle(tmp_path: Path) -> None:
+    control, state = Control(), begun(sheet(), tmp_path)
+    page = Page(tmp_path, control, hands=("anna", "bert"))
+    page.show(state)
+    told = json.loads(_ask(page, "state.json")[1])
+    assert (told["hands"], told["hand"]) == (["anna", "bert"], None)
+    assert _ask(page, "hand", "POST", "bert")[0] == 204 and control.hand == "bert"
+    assert json.loads(_ask(page, "state.json")[1])["hand"] == "bert"
+    assert _ask(page, "hand", "POST", "carl")[0] == 400 and control.hand == "bert"
+    assert _ask(page, "hand", "POST", "")[0] == 204 and control.hand is None
+    assert control.poll() is None  # it is no order: the robot goes on
+    page.close()
+
+
 def test_page_offers_undo_where_the_studio_has_a_batch_to_undo(tmp_path: Path) -> None:
     control, state = Control(), begun(sheet(), tmp_path)
     (tmp_path / "journal.jsonl").write_text("")

@@ -12,6 +12,7 @@ import time
 import urllib.error
 import urllib.request
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,13 @@ from pentimento.cli.main import main
 from pentimento.contracts.images import read_image, write_png
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.control.checkpoint import load_state
+from pentimento.control.checkpoint import PaintingState, load_state
 from pentimento.control.commission import Wanted
 from pentimento.control.layout import Wish
 from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
-from tests.bundle.tiny_bundle import CANVAS_M
+from tests.bundle.small_hands import HAND_POINTS
+from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
 from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
 from tests.robots.small_plotter import small_plotter
 
@@ -100,6 +102,81 @@ def test_run_paints_a_goal_from_words_without_torch(bundle: Path, tmp_path: Path
     middle = slice(8, 40)  # the centred square of 48 x 32 pixels; these networks ask for a darker upper half
     assert goal[:14, middle].mean() < goal[18:, middle].mean() - 60
     assert canvas[:16].mean() < canvas[16:].mean()
+
+
+@pytest.fixture(scope="module")
+def with_hands(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bundle with two hands, whose goal planner was taught two nouns."""
+    return write_painting_bundle(tmp_path_factory.mktemp("hands"), small_vocabulary(), hands=("anna", "bert"))
+
+
+def test_run_draws_in_a_hand_without_torch_and_keeps_it_when_resumed(
+    with_hands: Path, picture: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    done = _in_process("run", with_hands, "--goal-image", picture, "--hand", "anna", "--out", out, "--strokes", "8")
+    assert done.returncode == 0, done.stderr
+    assert load_state(out).executed > 0 and load_state(out).hand == "anna"
+    canvas, goal = (read_image(out / name).astype(float) for name in ("canvas.png", "goal.png"))
+    assert canvas[goal < 120].mean() < canvas[goal > 200].mean() - 40  # the ink is where it should be
+    rows = read_table(out / "record", CONTRACT).table.to_pylist()
+    assert {len(row["path"]) for row in rows} == {HAND_POINTS}
+    bends = [_bend(np.array(row["path"])[:, 1:3]) for row in rows]
+    assert np.ptp(bends) > 0.01  # shapes differ as the hand's do
+    resumed = _in_process("run", "--resume", out, "--goal-text", "a dog")
+    assert resumed.returncode == 0, resumed.stderr
+    state = load_state(out)
+    assert state.hand == "anna" and state.executed > len(rows)
+    rows = read_table(out / "record", CONTRACT).table.to_pylist()
+    assert {len(row["path"]) for row in rows} == {HAND_POINTS}
+
+
+def test_hand_chosen_on_the_page_draws_from_the_next_wish_on(with_hands: Path, tmp_path: Path) -> None:
+    out, quiet = tmp_path / "out", Progress(io.StringIO())
+    commission = commission_of(with_hands, Wanted("words", "a cat"), tell=print, strokes=4, seed=5)
+
+    def paint(wish: str, page: Callable[[str], None] | None = None) -> PaintingState:
+        return run(
+            commission, out, resume=bool(wish), calibration=tmp_path, ask=print, page=page, control=Control(),
+            progress=quiet, wish=wish,
+        )  # fmt: skip
+
+    before = paint("")
+    assert before.hand is None and before.executed > 0
+
+    def choose(address: str) -> None:
+        urllib.request.urlopen(f"{address}hand", data=b"bert", timeout=5)
+
+    assert paint("a dog", choose).hand == "bert"
+    rows = read_table(out / "record", CONTRACT).table.to_pylist()
+    points = [len(row["path"]) for row in rows]
+    assert set(points[: before.executed]) == {PLANNER.path_points} and set(points[before.executed :]) == {HAND_POINTS}
+    assert paint("a cat").hand == "bert"
+
+
+def _bend(path: np.ndarray) -> float:
+    """Distance of the middle of a path from the line between its ends, as a share of its length."""
+    (x, y), middle = path[-1] - path[0], path[len(path) // 2] - path[0]
+    return float((x * middle[1] - y * middle[0]) / (x * x + y * y))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("carl", "no hand 'carl'; it has anna, bert."), ("", "no hand ''; it has anna, bert.")]
+)
+def test_run_lists_the_hands_where_one_is_unknown(
+    with_hands: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, message: str
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(with_hands), "--goal-text", "a cat", "--hand", name, "--out", str(out)]) == 1
+    assert message in capsys.readouterr().err and not out.exists()
+
+
+def test_run_in_a_hand_needs_a_bundle_with_hands(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(bundle), "--goal-text", "a cat", "--hand", "anna", "--out", str(out)]) == 1
+    assert "has no hands" in capsys.readouterr().err and not out.exists()
 
 
 @pytest.fixture(scope="module")
@@ -343,6 +420,7 @@ def test_run_applies_the_rigs_limits(
         ["--resume", "o", "--strokes", "3"],
         ["--resume", "o", "--execute"],
         ["--resume", "o", "--robot", "virtual"],
+        ["--resume", "o", "--hand", "anna"],
     ],
 )
 def test_run_rejects_invalid_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:

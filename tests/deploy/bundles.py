@@ -21,7 +21,8 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.semantics.encoder import Encoder, new_model
-from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
+from tests.bundle.small_hands import HAND_POINTS, small_hand
+from tests.bundle.tiny_bundle import CANVAS_M, HAND_PLANNER, PLANNER
 from tests.control.sculpting_bundle import SETTINGS
 from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
 
@@ -32,9 +33,11 @@ CONFIG = DeployConfig(
     vocabulary="named",
     settings={"small": SettingConfig("marker", "with a marker", CANVAS_M, 6, 3, False, PLANNER)},
     clays={"foam": ClayConfig((0.0, 0.0, 0.1, 0.08), (40, 50), SETTINGS)},
+    hand_planner=HAND_PLANNER,
 )
 BRUSH = f"marker_{PLANNER.path_points}"
-DIGESTS = {"stroke_marker": "1", "semantics": "2", "goal": "3", "push_foam": "4"}
+PATH_BRUSH = f"marker_{HAND_POINTS}_path"
+DIGESTS = {"stroke_marker": "1", "semantics": "2", "goal": "3", "push_foam": "4", "hands": "5"}
 
 
 def mechanism(cause: str, values: list[float], reference: dict[str, float]) -> Mechanism:
@@ -75,8 +78,9 @@ def small_models(folder: Path) -> Models:
     encoder.save(folder / "encoder")
     save_goal_planner(goal, folder / "goal")
     return Models(
-        {"marker": stroke_model()}, encoder, folder / "encoder", goal, folder / "goal", {"foam": push_model()}, DIGESTS
-    )
+        {"marker": stroke_model()}, encoder, folder / "encoder", goal, folder / "goal", {"foam": push_model()}, DIGESTS,
+        {"arcs": small_hand("arcs"), "anna": small_hand("anna")},
+    )  # fmt: skip
 
 
 def push_model() -> PushModel:

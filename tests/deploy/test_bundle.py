@@ -1,23 +1,27 @@
 """A written bundle opens and agrees with its models."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pentimento.bundle.graphs import GraphClay, Graphs
 from pentimento.bundle.reader import open_bundle
+from pentimento.contracts.errors import ConfigError
 from pentimento.control.safety import envelope_for
-from pentimento.deploy.bundle import bundle_card
+from pentimento.deploy.bundle import bundle_card, write_bundle
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
 from pentimento.deploy.words import taught_vocabulary
 from pentimento.dynamics.pushes.push_model import planned_clay
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool
+from tests.bundle.small_hands import small_hand
 from tests.bundle.tiny_bundle import CANVAS_M
 from tests.control.sculpting_bundle import SETTINGS
-from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, small_bundle
+from tests.deploy.bundles import BRUSH, CONFIG, DIGESTS, PATH_BRUSH, small_bundle
 
 pytestmark = pytest.mark.timeout(1200)  # the first test exports everything
 
@@ -68,9 +72,33 @@ def test_push_model_of_the_bundle_agrees_with_pytorch() -> None:
     assert (carried[0] - height).min() < -1e-3
 
 
+def test_bundle_carries_hands_and_its_card_says_whose_they_are() -> None:
+    folder, models = small_bundle()
+    opened = open_bundle(folder)
+    assert opened.manifest.settings["small"].path_brush == PATH_BRUSH
+    latent = np.random.default_rng(0).normal(size=(3, 2)).astype(np.float32)
+    for name, decoder in models.hands.items():
+        np.testing.assert_array_equal(opened.hand(name).decode(latent)[0], decoder.decode(latent)[0])
+    card = (folder / "card.md").read_text()
+    assert "| anna | a person, recorded |" in card and "| arcs | a synthetic writer |" in card
+
+
+def test_hands_of_several_numbers_of_points_are_refused(tmp_path: Path) -> None:
+    models = replace(small_bundle()[1], hands={"anna": small_hand("anna"), "bert": small_hand("bert", 5)})
+    with pytest.raises(ConfigError, match=r"number of points, {'anna': 6, 'bert': 5}"):
+        write_bundle(tmp_path, models, CONFIG)
+
+
+@pytest.mark.parametrize("name", ["Anna", "", "../anna", "anna b"])
+def test_hands_that_cannot_be_files_are_refused(tmp_path: Path, name: str) -> None:
+    models = replace(small_bundle()[1], hands={name: small_hand(name)})
+    with pytest.raises(ConfigError, match="cannot be a file of the bundle"):
+        write_bundle(tmp_path, models, CONFIG)
+
+
 def test_bundle_card_states_the_licence_of_weights_that_learned_from_named_drawings() -> None:
-    assert "CC BY-SA 4.0" in bundle_card({}, {}, {}, named=True)
-    assert "CC BY-SA" not in bundle_card({}, {}, {}, named=False)
+    assert "CC BY-SA 4.0" in bundle_card({}, {}, {}, {}, named=True)
+    assert "CC BY-SA" not in bundle_card({}, {}, {}, {}, named=False)
 
 
 def test_bundle_card_lists_graphs_without_paths_or_times() -> None:

@@ -12,10 +12,12 @@ from ruamel.yaml import YAML
 
 from pentimento.bundle.reader import BundleError, open_bundle
 from pentimento.contracts.codec import to_plain
+from pentimento.contracts.errors import ContractError
 from pentimento.deploy.bundle import DeployConfig, Models
 from pentimento.deploy.graphs import ParityError
 from pentimento.dynamics.pushes.push_model import write_push_model
 from pentimento.dynamics.strokes.extended import model_files
+from pentimento.planning.strokes.latent import write_decoder
 from pipelines import deploy
 from pipelines._tracking import input_digest
 from pipelines._tracking.families import experiment_of
@@ -37,6 +39,8 @@ def folder(stage_folder: Path) -> Path:
     write_push_model(models.pushes["foam"], clay)
     shutil.copytree(models.encoder_folder, stage_folder / "semantics")
     shutil.copytree(models.goal_folder, stage_folder / "goal")
+    for name, decoder in models.hands.items():
+        write_decoder(stage_folder / f"hands/hands/{name}.npz", decoder)
     YAML(typ="safe").dump({"deploy": to_plain(CONFIG)}, Path("params.yaml"))
     return stage_folder
 
@@ -49,6 +53,7 @@ def run() -> Path:
             materials=["foam"],
             semantics=Path("semantics"),
             goal=Path("goal"),
+            hands=Path("hands"),
             out=Path("bundle"),
         )
     )
@@ -72,7 +77,8 @@ def test_the_stage_hands_models_and_settings_on_and_tags_its_run(folder: Path, m
     assert models.pushes["foam"].facts == small_bundle()[1].pushes["foam"].facts
     assert models.encoder.digest == small_bundle()[1].encoder.digest
     assert models.digests["semantics"] == input_digest(Path("semantics"))
-    assert set(models.digests) == {"stroke_marker", "push_foam", "semantics", "goal"}
+    assert set(models.digests) == {"stroke_marker", "push_foam", "semantics", "goal", "hands"}
+    assert {name: hand.hand for name, hand in models.hands.items()} == {"anna": "anna", "arcs": "arcs"}
     client = MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
     experiment = client.get_experiment_by_name(experiment_of("deploy"))
     assert experiment is not None
@@ -91,6 +97,12 @@ def test_a_bundle_that_the_runner_would_refuse_is_not_handed_on(folder: Path, mo
     with pytest.raises(BundleError, match="does not list"):
         run()
     assert not Path("bundle").exists()
+
+
+def test_a_folder_without_hands_is_refused(folder: Path) -> None:
+    shutil.rmtree(folder / "hands/hands")
+    with pytest.raises(ContractError, match="hands/hands holds no hand"):
+        run()
 
 
 def test_a_graph_beyond_its_tolerance_fails_the_stage(folder: Path) -> None:

@@ -6,7 +6,7 @@ Every graph runs on the CPU. Its results are deterministic for a given number of
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from pentimento.planning.pushes.rollout import Pull as PushPull
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks, Pull, Span, StrokeTiming
 from pentimento.planning.strokes.target import fit_to_canvas
+from pentimento.robots.tools import Tool
 
 # Set before the import, which would otherwise write an identifier of this computer into the user's home.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
@@ -73,8 +74,8 @@ def _session(content: bytes, threads: int) -> Any:
     return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
 
 
-class GraphBrush:
-    """A stroke model of the bundle as a ``planning.strokes.brush.Brush``."""
+class _GraphModel:
+    """What the brushes below share, as ``planning.strokes.brush.Brush`` has it."""
 
     def __init__(self, graphs: Graphs, name: str) -> None:
         """``name`` is one of the manifest's brushes."""
@@ -98,25 +99,57 @@ class GraphBrush:
         """Number of points of each path."""
         return self._facts.path_points
 
-    def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
-        """See ``planning.strokes.brush.Brush``."""
-        given = [array.copy() for array in strokes.arrays()]  # strokes are moved in place before the pull
-        given += [inherited[column] for column in self._columns]
-        outputs = self._graphs(f"{self._name}_marks", *given)
-
-        def pull(cotangent: Marks) -> Strokes:
-            back = [array for array in cotangent if array is not None]
-            return Strokes(*self._graphs(f"{self._name}_pull", *given, *back))
-
-        pickup = outputs.pop() if self._facts.picks_up else None
-        points, radius, density, softness, paint = outputs
-        return Marks(points, radius, density, softness, paint, pickup), pull
-
     def gain(self, places_m: Array) -> Array | None:
         """See ``planning.strokes.brush.Brush``."""
         if not self._facts.has_gain:
             return None
         return self._graphs(f"{self._name}_gain", places_m)[0]
+
+    def _marks(
+        self, arrays: Iterable[Array], inherited: Mapping[str, Array]
+    ) -> tuple[Marks, Callable[[Marks], list[Array]]]:
+        """The marks of strokes that are given by these arrays, and the pull-back to the gradient of each of them."""
+        given = [array.copy() for array in arrays]  # strokes are moved in place before the pull
+        given += [inherited[column] for column in self._columns]
+        outputs = self._graphs(f"{self._name}_marks", *given)
+
+        def pull(cotangent: Marks) -> list[Array]:
+            back = [array for array in cotangent if array is not None]
+            return self._graphs(f"{self._name}_pull", *given, *back)
+
+        pickup = outputs.pop() if self._facts.picks_up else None
+        points, radius, density, softness, paint = outputs
+        return Marks(points, radius, density, softness, paint, pickup), pull
+
+
+class GraphBrush(_GraphModel):
+    """A stroke model of the bundle as a ``planning.strokes.brush.BezierBrush``."""
+
+    def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
+        """See ``planning.strokes.brush.BezierBrush``."""
+        marks, pull = self._marks(strokes.arrays(), inherited)
+        return marks, lambda cotangent: Strokes(*pull(cotangent))
+
+
+class GraphPathBrush(_GraphModel):
+    """A stroke model of the bundle as a ``planning.strokes.brush.PathBrush``."""
+
+    def __init__(self, graphs: Graphs, name: str, tool: Tool) -> None:
+        """``name`` is one of the manifest's brushes that take paths."""
+        super().__init__(graphs, name)
+        self.tool = tool
+
+    def path_marks(
+        self, paths: Array, color: Array, inherited: Mapping[str, Array]
+    ) -> tuple[Marks, Callable[[Marks], tuple[Array, Array]]]:
+        """See ``planning.strokes.brush.PathBrush``."""
+        marks, pull = self._marks((paths, color), inherited)
+
+        def pull_both(cotangent: Marks) -> tuple[Array, Array]:
+            of_paths, of_color = pull(cotangent)
+            return of_paths, of_color
+
+        return marks, pull_both
 
 
 class GraphClay:

@@ -8,7 +8,7 @@ from typing import Final, Literal
 from pentimento.control.safety import SafetyEnvelope
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.planning.strokes.brush import Span, StrokeTiming
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.config import HandPlanConfig, PlannerConfig
 
 MAX_CELLS: Final = 256
 """Maximum number of cells in a pairing of the style objective; as in ``semantics.style``."""
@@ -53,7 +53,10 @@ class GraphEntry:
 
 @dataclass(frozen=True)
 class BrushFacts:
-    """A stroke model. Its graphs are ``<name>_marks``, ``<name>_pull`` and, if ``has_gain``, ``<name>_gain``."""
+    """A stroke model, for Bézier strokes or for paths of any shape: `Setting` says which.
+
+    Its graphs are ``<name>_marks``, ``<name>_pull`` and, if ``has_gain``, ``<name>_gain``.
+    """
 
     tool: str
     path_points: int
@@ -139,13 +142,24 @@ class ClayFacts:
 
 
 @dataclass(frozen=True)
+class HandFacts:
+    """A person's handwriting style; see ``planning.strokes.latent``."""
+
+    file: str
+    synthetic: bool
+    """Whether the writer is made up."""
+
+
+@dataclass(frozen=True)
 class Setting:
     """A tool, a canvas, and how the tool paints there."""
 
     tool: str
     """Name of the tool's file."""
     brush: str
-    """Name of one of the manifest's brushes."""
+    """Name of the manifest's brush for Bézier strokes."""
+    path_brush: str | None
+    """Name of the one for strokes in a person's hand; None in a bundle without hands."""
     words: str
     """What a request to the goal planner says of the medium."""
     canvas_m: tuple[float, float]
@@ -176,3 +190,7 @@ class Manifest:
     """Push models by the names of their graphs; each one's end-effector is in ``end_effectors/<name>.toml``."""
     sculpting: dict[str, SculptingSettings]
     """By push model, how its material is sculpted."""
+    hands: dict[str, HandFacts]
+    """By the writer's name."""
+    hand_planner: HandPlanConfig
+    """How strokes are planned in a hand, in every setting."""

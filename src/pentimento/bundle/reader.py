@@ -23,9 +23,10 @@ from pentimento.bundle.vocabulary import Vocabulary, read_vocabulary
 from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 from pentimento.control.safety import SafetyEnvelope, envelope_for
+from pentimento.planning.strokes.latent import StyleDecoder, decoder_from
 from pentimento.robots.tools import Tool, load_tool
 
-SCHEMA: Final = 6
+SCHEMA: Final = 7
 MANIFEST: Final = "manifest.json"
 OPSETS: Final = (18, 20)
 """First and last operator set that is supported."""
@@ -35,7 +36,8 @@ MAX_FILE_BYTES: Final = 2**31 - 1
 MAX_TENSOR_BYTES: Final = 2**29
 MAX_MANIFEST_BYTES: Final = 2**22
 
-_NAME = re.compile(r"[a-z0-9_][a-z0-9_.-]*(/[a-z0-9_][a-z0-9_.-]*)*")
+FILE_NAME: Final = re.compile(r"[a-z0-9_][a-z0-9_.-]*(/[a-z0-9_][a-z0-9_.-]*)*")
+"""What a file of a bundle may be called."""
 
 
 class BundleError(PentimentoError):
@@ -56,6 +58,8 @@ class Bundle:
     """Checked bytes by file."""
     vocabulary: Vocabulary | None
     """What the goal planner was taught; None for one that knows all words."""
+    hands: Mapping[str, StyleDecoder]
+    """Handwriting styles by the writer's name."""
 
     def graph(self, name: str) -> bytes:
         """A graph's checked bytes.
@@ -78,6 +82,21 @@ class Bundle:
                 f"The bundle has no setting {name!r}; it has {', '.join(sorted(self.manifest.settings))}."
             )
         return self.manifest.settings[name]
+
+    def hand(self, name: str) -> StyleDecoder:
+        """A person's handwriting style.
+
+        Raises:
+            BundleError: the bundle has none of that name.
+        """
+        if not self.hands:
+            raise BundleError(
+                f"The bundle has no hands, so nothing can be drawn in the hand {name!r}; write it with deploy --hands, "
+                "or leave the hand out."
+            )
+        if name not in self.hands:
+            raise BundleError(f"The bundle has no hand {name!r}; it has {', '.join(sorted(self.hands))}.")
+        return self.hands[name]
 
 
 def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, SafetyEnvelope] | None = None) -> Bundle:
@@ -106,7 +125,8 @@ def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, Saf
         if wider:
             _refuse(folder, f"the safety envelope of {name} is wider than this robot's own in {', '.join(wider)}")
     _check_parts(folder, manifest)
-    return Bundle(folder, found, manifest, tools, contents, _vocabulary(folder, manifest, contents))
+    vocabulary, hands = _vocabulary(folder, manifest, contents), _hands(folder, manifest, contents)
+    return Bundle(folder, found, manifest, tools, contents, vocabulary, hands)
 
 
 def _manifest(folder: Path, text: bytes) -> Manifest:
@@ -122,7 +142,7 @@ def _manifest(folder: Path, text: bytes) -> Manifest:
             "write the bundle again with the stage deploy",
         )
     for name in plain.get("files", ()):
-        if not _NAME.fullmatch(name) or name == MANIFEST:
+        if not FILE_NAME.fullmatch(name) or name == MANIFEST:
             _refuse(folder, f"its manifest names a file {name!r}; names are plain and lie within the bundle")
     try:
         return from_plain(Manifest, plain, "manifest")
@@ -235,6 +255,27 @@ def _vocabulary(folder: Path, manifest: Manifest, contents: Mapping[str, bytes])
         raise BundleError(f"The bundle {folder} is refused: {error}") from error
 
 
+def _hands(folder: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> dict[str, StyleDecoder]:
+    try:
+        hands = {name: decoder_from(contents[facts.file], facts.file) for name, facts in manifest.hands.items()}
+    except ContractError as error:
+        raise BundleError(f"The bundle {folder} is refused: {error}") from error
+    for name, decoder in hands.items():
+        if decoder.hand != name:
+            _refuse(folder, f"the hand {name} is in its file that of {decoder.hand!r}")
+        for setting, entry in manifest.settings.items():
+            if entry.path_brush is None:
+                _refuse(folder, f"it has the hand {name}, and the setting {setting} no brush for it")
+            points = manifest.brushes[entry.path_brush].path_points
+            if decoder.points != points:
+                _refuse(
+                    folder,
+                    f"the hand {name} has paths of {decoder.points} points, and the brush {entry.path_brush} of "
+                    f"{points}: train hands and deploy brushes at the same number",
+                )
+    return hands
+
+
 def _check_parts(folder: Path, manifest: Manifest) -> None:
     """Refuse a manifest that refers to graphs, files, brushes or models that it does not list."""
     graphs = {"semantic", "text", "caption", "goal_text", "goal_encode", "goal_denoise", "goal_decode"}
@@ -247,9 +288,12 @@ def _check_parts(folder: Path, manifest: Manifest) -> None:
     words = (manifest.encoder.words, manifest.goal.words)
     files = {file for entry in words for file in (entry.vocabulary, entry.merges)}
     files |= set() if manifest.goal.nouns is None else {manifest.goal.nouns}
+    files |= {hand.file for hand in manifest.hands.values()}
     files |= {f"end_effectors/{clay.end_effector}.toml" for clay in manifest.clays.values()}
     missing = [*sorted(graphs - set(manifest.graphs)), *sorted(files - set(manifest.files))]
     missing += [setting.brush for setting in manifest.settings.values() if setting.brush not in manifest.brushes]
+    paths = {setting.path_brush for setting in manifest.settings.values() if setting.path_brush is not None}
+    missing += sorted(paths - set(manifest.brushes))
     missing += sorted(set(manifest.clays) ^ set(manifest.sculpting))
     missing += [model for graph in manifest.graphs.values() for model in graph.models if model not in manifest.models]
     if missing:

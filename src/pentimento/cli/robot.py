@@ -30,6 +30,7 @@ _OF_PAINT = (
     "strokes",
     "replan_every",
     "weights",
+    "hand",
     "execute",
     "page",
     "turns",
@@ -44,6 +45,7 @@ _OF_A_NEW_RUN = (
     "strokes",
     "replan_every",
     "weights",
+    "hand",
     "seed",
     "out",
     "execute",
@@ -79,6 +81,7 @@ def _run(arguments: argparse.Namespace) -> None:
             bundle, picture or Wanted("words", text), tell=_tell, setting=arguments.setting,
             robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
             replan_every=arguments.replan_every, seed=arguments.seed, weights=_weights(arguments.weights),
+            hand=arguments.hand,
         )  # fmt: skip
     if heard is not None:
         if heard.manner is not None and not arguments.as_typed:
@@ -310,6 +313,11 @@ COMMANDS = (
                 metavar="W",
                 help="of the objectives, such as print=1,semantic=0.3,text=0.1: the goal pixel by pixel, what an "
                 "encoder sees in it, and the words asked for; by default the setting's",
+            ),
+            option(
+                "--hand",
+                metavar="NAME",
+                help="a hand of the bundle: draw in this handwriting; by default the robot draws its own strokes",
             ),
             option("--material", help="sculpt this clay of the bundle, in the studio, instead of painting"),
             option("--letter", metavar="LETTERS", help="sink this into the clay"),

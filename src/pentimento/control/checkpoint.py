@@ -22,6 +22,9 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.observations import Scan
 from pentimento.control.sculptor import Outcome, SculptureProgress
 from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.latent import StyleDecoder, decoder_bytes, decoder_from
+from pentimento.planning.strokes.paths import PlannedPaths
+from pentimento.planning.strokes.shapes import ShapedStrokes
 
 Arrays = dict[str, NDArray[Any]]
 FloatArray = NDArray[np.float64]
@@ -34,13 +37,12 @@ Phase = Literal["painting", "paused", "your turn", "choosing", "undoing", "undon
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
 """What reading a file raises that is truncated, overwritten or not a checkpoint."""
 
-_PAINTING_SCHEMA: Final = 4
+_PAINTING_SCHEMA: Final = 5
 _PAINTING: Final = "state.npz"
-_STROKES: Final = ("middle_m", "theta_rad", "length_m", "bend_m", "press_m", "color")
 _NUMBERS: Final = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "mark_width_m", "canvas_size_m")
 _PLAIN: Final = (
     "pending", "executed", "sessions", "shard", "turns", "lines", "clock_s", "robot_clock_s", "unix_s", "phase",
-    "message",
+    "message", "hand",
 )  # fmt: skip
 _ARRAYS: Final = ("last_color_srgb", "painted_at_s", "ink", "color", "carried")
 
@@ -52,7 +54,7 @@ _SCULPTURE: Final = "sculpture.npz"
 class PaintingState:
     """A painting between two strokes, or with one stroke pending."""
 
-    remaining: Strokes
+    remaining: PlannedPaths
     """Strokes to execute, in order."""
     pending: bool
     """The first remaining stroke was sent to the robot, which has not confirmed it."""
@@ -83,6 +85,8 @@ class PaintingState:
     phase: Phase
     message: str
     """What happens, or what happened and what to do."""
+    hand: str | None = None
+    """Whose hand the next plan is in; None for the robot's own strokes. ``remaining`` may be in another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,13 +133,21 @@ def read_checkpoint(path: Path, schema: int, kind: str, build: Callable[[dict[st
 
 
 def save_state(folder: Path, state: PaintingState) -> None:
-    """Replace the painting's checkpoint. Raises OSError; the previous one still exists then."""
+    """Replace the painting's checkpoint. Raises OSError; the previous one still exists then.
+
+    Strokes in a person's hand are saved with the decoder of its shapes, so that the file suffices to go on.
+    """
     memory = state.memory
     values = {
         "memory": {name: getattr(memory, name) for name in _NUMBERS},
         **{name: getattr(state, name) for name in _PLAIN},
     }
-    arrays: Arrays = {f"strokes_{name}": array for name, array in zip(_STROKES, state.remaining.arrays(), strict=True)}
+    strokes = state.remaining
+    arrays: Arrays = {f"strokes_{name}": getattr(strokes, name) for name in strokes.row_arrays}
+    if isinstance(strokes, ShapedStrokes):
+        assert isinstance(strokes.shapes, StyleDecoder)  # the runner has no other shapes
+        arrays["decoder"] = np.frombuffer(decoder_bytes(strokes.shapes), np.uint8)
+        values["reach"] = strokes.reach
     arrays |= {f"memory_{name}": getattr(memory, name) for name in _ARRAYS}
     arrays |= {"palette_srgb": state.palette_srgb, "canvas": state.canvas, "goal": state.goal}
     write_checkpoint(folder / _PAINTING, _PAINTING_SCHEMA, values, arrays)
@@ -164,13 +176,20 @@ def _painting(values: dict[str, Any], arrays: Arrays) -> PaintingState:
     memory: dict[str, Any] = values["memory"] | {name: arrays[f"memory_{name}"] for name in _ARRAYS}
     memory |= {"canvas_size_m": tuple(memory["canvas_size_m"])}
     return PaintingState(
-        remaining=Strokes(*(arrays[f"strokes_{name}"] for name in _STROKES)),
+        remaining=_strokes(values, arrays),
         palette_srgb=arrays["palette_srgb"],
         memory=Memory(**memory),
         canvas=arrays["canvas"],
         goal=arrays["goal"],
         **{name: values[name] for name in _PLAIN},
     )
+
+
+def _strokes(values: dict[str, Any], arrays: Arrays) -> PlannedPaths:
+    if "decoder" not in arrays:
+        return Strokes(*(arrays[f"strokes_{name}"] for name in Strokes.row_arrays))
+    rows = (arrays[f"strokes_{name}"] for name in ShapedStrokes.row_arrays)
+    return ShapedStrokes(decoder_from(arrays["decoder"].tobytes(), _PAINTING), values["reach"], *rows)
 
 
 def save_sculpture(folder: Path, state: SculptureState) -> None:

@@ -64,6 +64,8 @@ class Commission:
     """None for the objectives of the bundle's setting."""
     expression: Expression = PLAIN
     """How the words asked for are painted."""
+    hand: str | None = None
+    """Whose hand it begins in; None for the robot's own strokes."""
 
 
 @dataclass(frozen=True)

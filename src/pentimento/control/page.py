@@ -12,7 +12,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -88,6 +88,7 @@ class Page:
         pen: Pen | None = None,
         saved: Mapping[str, Callable[[], bytes]] | None = None,
         listen: Callable[[bytes], tuple[str, Expression]] | None = None,
+        hands: Sequence[str] = (),
         port: int = 0,
     ) -> None:
         """Serve the painting in a folder; commands go to ``control``. Port 0 takes a free one.
@@ -97,6 +98,7 @@ class Page:
             saved: functions that give the files to be saved, by their names.
             listen: from the content of a WAV file to the wish in it and how it is painted, or PentimentoError; None
                 where nothing listens.
+            hands: in which the person may let the robot draw.
 
         Raises OSError if the port is taken.
         """
@@ -106,6 +108,7 @@ class Page:
         self._expressions: list[Expression] = []  # of the wishes that were heard
         self._token = secrets.token_urlsafe(16)
         self._state: dict[str, Any] = {}
+        self._hands = list(hands)
         self._pen = None if pen is None else asdict(pen)
         self._version = 0
         self._seen = False
@@ -134,6 +137,7 @@ class Page:
         self._state = {
             "version": self._version,
             "pen": self._pen,
+            "hands": self._hands,
             "phase": state.phase,
             "message": state.message,
             "executed": state.executed,
@@ -156,7 +160,8 @@ class Page:
         """The response to a GET of a path below the token."""
         self._seen = True
         if path == "state.json":
-            return Response(HTTPStatus.OK, "application/json", json.dumps(self._state).encode())
+            state = self._state and self._state | {"hand": self._control.hand}
+            return Response(HTTPStatus.OK, "application/json", json.dumps(state).encode())
         if path == CANVAS and self._canvas is not None:
             return Response(HTTPStatus.OK, "image/png", encode_png(self._canvas))
         if path in _FILES or _GOAL.fullmatch(path):
@@ -174,7 +179,7 @@ class Page:
         return _NOT_FOUND
 
     def post(self, path: str, body: bytes) -> Response:
-        """Pass on what the body says: a command, the words of a wish, or the number of a goal."""
+        """Pass on what the body says: a command, the words of a wish, a hand, or the number of a goal."""
         if path == "listen" and self._listen is not None:
             return self._hear(self._listen, body)
         text = body.decode("utf-8", errors="replace").strip()
@@ -188,11 +193,14 @@ class Page:
                 self._hand_over("wish", plain_text(text), expression)
             except ConfigError as error:
                 return _sentence(HTTPStatus.BAD_REQUEST, str(error))
+        elif path == "hand" and text in ("", *self._hands):
+            self._control.hand = text or None
         elif path == "choose" and text.isdecimal():
             self._control.send("choose", text)
         else:
             return _sentence(
-                HTTPStatus.BAD_REQUEST, f"Send one of the commands {', '.join(COMMANDS)}, a wish, or a goal's number."
+                HTTPStatus.BAD_REQUEST,
+                f"Send one of the commands {', '.join(COMMANDS)}, a wish, a hand of the bundle, or a goal's number.",
             )
         return Response(HTTPStatus.NO_CONTENT, "text/plain", b"")
 

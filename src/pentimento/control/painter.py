@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import cv2
@@ -20,16 +20,18 @@ from pentimento.control.commission import Weights
 from pentimento.control.execute import Session, execute
 from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.loop import Hooks, run_loop
-from pentimento.planning.strokes.bezier import Strokes, no_strokes
+from pentimento.planning.strokes.bezier import no_strokes
 from pentimento.planning.strokes.brush import Brush
-from pentimento.planning.strokes.config import Log, PlanConfig, PlannerConfig, TextConfig
+from pentimento.planning.strokes.config import Log, PlanConfig, TextConfig
 from pentimento.planning.strokes.descent import optimise
+from pentimento.planning.strokes.latent import StyleDecoder
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.paths import PlannedPaths
-from pentimento.planning.strokes.planner import plan, relocated
+from pentimento.planning.strokes.planner import plan_strokes, relocated
 from pentimento.planning.strokes.relocate import without_useless
 from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Meaning, Scene, Style, objective_for
+from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
 from pentimento.robots.driver import Robot
 from pentimento.robots.tools import Tool
 
@@ -197,7 +199,7 @@ class PaintContext:
     tool: Tool
     brush: Brush
     canvas_size_m: tuple[float, float]
-    planner: PlannerConfig
+    planner: PlanConfig
     style: Style | None = None
     """For planners whose objectives include a style."""
     meaning: Meaning | None = None
@@ -207,23 +209,45 @@ class PaintContext:
     """Of the objectives, in place of the planner's."""
     max_speed_m_s: float = math.inf
     """That the robot allows."""
+    shapes: Shapes | None = None
+    """Of its strokes; None for Bézier strokes."""
+    hands: Mapping[str, PaintContext] = field(default_factory=dict)
+    """By the name of a person's hand, what is planned in it with."""
+
+    def in_hand(self, hand: str | None) -> PaintContext:
+        """The context for plans in a person's hand; None for the robot's own strokes."""
+        return self if hand is None else self.hands[hand]
+
+    def of(self, strokes: PlannedPaths) -> PaintContext:
+        """The context in which these strokes were planned."""
+        return self.hands.get(hand_of(strokes) or "", self)
 
     def about(self, words: str, expression: Expression = PLAIN) -> PaintContext:
         """The context for plans of what these words ask for, in this expression; "" for none."""
         tool = expression.tool(self.tool, self.max_speed_m_s)
+        if self.weights is None and tool is self.tool:
+            return self
+        hands = {hand: context.about(words, expression) for hand, context in self.hands.items()}
         if self.weights is None:
-            return self if tool is self.tool else replace(self, tool=tool)
+            return replace(self, tool=tool, hands=hands)
         text = TextConfig(self.weights.text, words) if self.weights.text > 0 and words else None
         is_weighed = text is not None or self.weights.print + self.weights.semantic > 0
         objectives = replace(
             self.planner.objectives, print_weight=self.weights.print if is_weighed else 1.0,
             semantic_weight=self.weights.semantic, text=text,
         )  # fmt: skip
-        return replace(self, tool=tool, planner=replace(self.planner, objectives=objectives))
+        return replace(self, tool=tool, planner=replace(self.planner, objectives=objectives), hands=hands)
 
     def scene(self, target: Array, start: Start) -> Scene:
         """A target [H, W, 3] (linear light) on a canvas in the state ``start``."""
         return Scene(self.tool, self.brush, self.canvas_size_m, target, start, self.style, self.meaning, self.threads)
+
+
+def hand_of(strokes: PlannedPaths) -> str | None:
+    """Whose hand strokes are in; None for the robot's own."""
+    if isinstance(strokes, ShapedStrokes) and isinstance(strokes.shapes, StyleDecoder):
+        return strokes.shapes.hand
+    return None
 
 
 def first_plan(
@@ -234,40 +258,51 @@ def first_plan(
     count: int,
     start: Start,
     log: Callable[[str, float, int], None],
-) -> tuple[Strokes, FloatArray]:
+) -> tuple[PlannedPaths, FloatArray]:
     """Up to ``count`` strokes from a canvas to a goal, uint8 sRGB [H, W, 3] both, and their palette, sRGB [K, 3].
 
-    Strokes that increase the objective are removed. A goal that equals the canvas needs none.
+    In a person's hand, ``count`` stands for a length of line; see ``plan_strokes``. Strokes that increase the objective
+    are removed. A goal that equals the canvas needs none.
     """
     if np.array_equal(goal, canvas):
         return no_strokes(), np.zeros((0, 3))
     scene = context.scene(as_linear(goal), start)
-    strokes, palette = plan(as_linear(canvas), scene, count, context.planner, log)
+    strokes, palette = plan_strokes(
+        as_linear(canvas), scene, count, config=context.planner, shapes=context.shapes, log=log
+    )
     return without_useless(strokes, as_linear(canvas), scene, context.planner), palette
 
 
 def replanned(
-    context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
-) -> Strokes:
+    context: PaintContext, remaining: S, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
+) -> S:
     """The remaining strokes, replanned on the canvas as it is now (thesis 4.3.5); see ``replan_rest``."""
     if not len(remaining):
         return _copy(remaining)
+    context = context.of(remaining)
     scene = context.scene(as_linear(goal), start)
     return replan_rest(remaining, canvas, scene, context.planner, palette_srgb=palette_srgb)
 
 
 def replanned_and_pruned(
-    context: PaintContext, remaining: Strokes, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
-) -> Strokes:
+    context: PaintContext, remaining: S, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
+) -> S:
     """``replanned`` on a canvas that a person has changed: strokes that increase the objective now are removed."""
+    context = context.of(remaining)
     moved = replanned(context, remaining, canvas, goal=goal, start=start, palette_srgb=palette_srgb)
     return without_useless(moved, as_linear(canvas), context.scene(as_linear(goal), start), context.planner)
 
 
-def predict_canvas(context: PaintContext, strokes: Strokes, canvas: Image, start: Start) -> Array:
+def predict_canvas(context: PaintContext, strokes: PlannedPaths, canvas: Image, start: Start) -> Array:
     """The canvas after the strokes, linear light [H, W, 3], predicted from a picture of the canvas [H, W, 3]."""
     light = as_linear(canvas)
-    return np.clip(render_plan(_copy(strokes), light, context.scene(light, start)), 0, 1)
+    return np.clip(render_plan(_copy(strokes), light, context.of(strokes).scene(light, start)), 0, 1)
+
+
+def commands(context: PaintContext, strokes: PlannedPaths) -> list[PlannedStroke]:
+    """The strokes as paths that the robot executes."""
+    context = context.of(strokes)
+    return strokes.planned(context.tool, context.brush.path_points)
 
 
 def objective_value(context: PaintContext, image: Array, goal: Image, start: Start) -> float:

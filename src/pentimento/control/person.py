@@ -47,6 +47,8 @@ class Control:
     """
 
     def __init__(self) -> None:
+        self.hand: str | None = None
+        """Whose hand the next plan is in; None for the robot's own strokes."""
         self._changed = threading.Condition()
         self._orders: list[Order] = []
 

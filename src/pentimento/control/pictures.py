@@ -14,7 +14,7 @@ from pentimento.contracts.frames import canvas_to_pixel
 from pentimento.contracts.images import write_png
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.checkpoint import PaintingState
-from pentimento.control.painter import PaintContext, as_picture, predict_canvas
+from pentimento.control.painter import PaintContext, as_picture, commands, predict_canvas
 from pentimento.planning.strokes.memory import Start
 
 Picture = NDArray[np.uint8]
@@ -65,7 +65,7 @@ def enlarged(picture: Picture) -> Picture:
 def write_pictures(folder: Path, context: PaintContext, state: PaintingState, count: int) -> None:
     """Write the pictures of the canvas, the goal, the predicted painting and the next ``count`` strokes."""
     start = Start(state.memory, state.clock_s, state.executed)
-    next_strokes = state.remaining.pick(slice(0, count)).planned(context.tool, context.brush.path_points)
+    next_strokes = commands(context, state.remaining.pick(slice(0, count)))
     write_png(folder / CANVAS, state.canvas)
     write_png(folder / GOAL, state.goal)
     write_png(folder / PREVIEW, as_picture(predict_canvas(context, state.remaining, state.canvas, start)))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pentimento.bundle.graphs import (
     GraphBrush,
     GraphMeaning,
+    GraphPathBrush,
     Graphs,
     PictureStyle,
     goal_networks,
@@ -48,7 +49,7 @@ from pentimento.control.standing import Standing, beside_standing, known_things,
 from pentimento.control.turn import Turn, words_in, write_turn
 from pentimento.control.undo import take_back
 from pentimento.control.workplace import PaintingSession, Proposal
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.planning.strokes.config import PlanConfig, PlannerConfig
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.target import load_photograph
 from pentimento.robots.rig import Rig
@@ -92,6 +93,7 @@ def commission_of(
     replan_every: int | None = None,
     seed: int | None = None,
     weights: Weights | None = None,
+    hand: str | None = None,
 ) -> Commission:
     """The commission of a command; for what is None, the bundle's setting decides.
 
@@ -99,7 +101,7 @@ def commission_of(
         tell: called with each sentence about words that are drawn as something else, or left out.
 
     Raises:
-        BundleError: the bundle is refused, or has no such setting.
+        BundleError: the bundle is refused, or has no such setting or hand.
         ConfigError: the bundle has several settings to begin with, and none is named; the words are not understood; or
             words are to weigh, and a picture is the goal.
         ImageError: the goal picture cannot be read.
@@ -109,7 +111,9 @@ def commission_of(
         raise ConfigError("The weight of text is that of the words asked for: give --goal-text instead of a picture.")
     if weights is not None and weights.print + weights.semantic == 0 and not wanted.value:
         raise ConfigError("Only text has a weight, and nothing was asked for: say with --goal-text what to paint.")
-    # Both are checked here, so that an error leaves no folder behind.
+    if hand is not None:
+        opened.hand(hand)
+    # These are checked here, so that an error leaves no folder behind.
     if wanted.kind == "picture":
         read_image(Path(wanted.value))
     elif wanted.value:
@@ -132,6 +136,7 @@ def commission_of(
         replan_every=defaults.replan_every if replan_every is None else replan_every,
         seed=defaults.planner.seed if seed is None else seed,
         weights=weights,
+        hand=hand,
     )
 
 
@@ -175,17 +180,17 @@ def run(
     if not resume:
         write_commission(folder, commission)
     with exclusive(folder):
+        control.hand = load_state(folder).hand if has_state(folder) else commission.hand
         pen = _pen(tool, canvas_size_m) if is_in_studio(commission.robot, commission.execute) else None
         saved = saved_files(folder, tool, canvas_size_m)
-        served = None if page is None else Page(folder, control, pen, saved, listen)
+        served = None if page is None else Page(folder, control, pen, saved, listen, sorted(bundle.hands))
         try:
             if page is not None and served is not None:
                 page(served.address)
             graphs = Graphs(bundle, _threads())
-            context = _paint_context(graphs, commission, canvas_size_m)
             envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
             envelope = envelope if rig is None else envelope.narrowed(rig.limits)
-            context = replace(context, max_speed_m_s=envelope.max_speed_m_s)
+            context = _paint_context(graphs, commission, canvas_size_m, envelope.max_speed_m_s)
             goals_for = _goals_for(
                 graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns,
                 standing=partial(_standing, folder),
@@ -208,7 +213,7 @@ def run(
                         in_turns=turns.in_turns,
                     )  # fmt: skip
                     if not has_state(folder):
-                        begin(session, first_goal, log=_planning_log(progress, context.planner))
+                        begin(session, first_goal, log=_planning_log(progress, context.in_hand(control.hand).planner))
                     ended = resume_session(session, wish if ended is None else "", expression)
             for message in write_drawings(folder, tool, canvas_size_m):
                 progress.message(message)
@@ -231,16 +236,28 @@ def _on_state(page: Page | None, progress: Progress) -> Callable[[PaintingState]
     return on_state
 
 
-def _paint_context(graphs: Graphs, commission: Commission, canvas_size_m: tuple[float, float]) -> PaintContext:
+def _paint_context(
+    graphs: Graphs, commission: Commission, canvas_size_m: tuple[float, float], max_speed_m_s: float
+) -> PaintContext:
     setting = graphs.bundle.setting(commission.setting)
     planner = replace(setting.planner, seed=commission.seed)
     wanted = planner.objectives.style
     style = None if wanted is None else PictureStyle(graphs, load_photograph(wanted.picture), planner.seed)
     tool = graphs.bundle.tools[commission.setting]
     meaning = GraphMeaning(graphs, planner.seed)
-    return PaintContext(
-        tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, meaning, _threads(), commission.weights
+    own = PaintContext(
+        tool, GraphBrush(graphs, setting.brush), canvas_size_m, planner, style, meaning, _threads(), commission.weights,
+        max_speed_m_s,
     )  # fmt: skip
+    if setting.path_brush is None:
+        return own
+    brush = GraphPathBrush(graphs, setting.path_brush, tool)
+    in_hand = graphs.bundle.manifest.hand_planner.of(planner, brush.path_points)
+    hands = {
+        name: replace(own, brush=brush, planner=in_hand, shapes=decoder)
+        for name, decoder in graphs.bundle.hands.items()
+    }
+    return replace(own, hands=hands)
 
 
 def _first_goal(
@@ -336,8 +353,9 @@ def _canvas_size_m(setting_m: tuple[float, float], rig: Rig | None) -> tuple[flo
     return min(width, max_width), min(height, max_height)
 
 
-def _planning_log(progress: Progress, planner: PlannerConfig) -> Callable[[str, float, int], None]:
-    steps = planner.rounds * planner.iterations_per_round + planner.iterations_free + planner.iterations_palette
+def _planning_log(progress: Progress, planner: PlanConfig) -> Callable[[str, float, int], None]:
+    after_rounds = planner.iterations_free if isinstance(planner, PlannerConfig) else planner.iterations
+    steps = planner.rounds * planner.iterations_per_round + after_rounds + planner.iterations_palette
 
     def log(_name: str, value: float, step: int) -> None:
         progress.step("planning", step + 1, steps, f"error {value:.4f}")

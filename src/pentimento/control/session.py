@@ -29,6 +29,7 @@ from pentimento.control.painter import (
     PaintContext,
     add_persons_paint,
     as_picture,
+    commands,
     due_for_dip,
     first_plan,
     predict_canvas,
@@ -40,8 +41,8 @@ from pentimento.control.pictures import PLAN, write_pictures
 from pentimento.control.turn import FOR_A_TURN, expression_in, note_turn, take_turn, words_in
 from pentimento.control.undo import remember
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
-from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.memory import Start
+from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.robots.tools import needs_dip
 
 Picture = NDArray[np.uint8]
@@ -83,11 +84,13 @@ def begin(
         canvas = Camera(robot, context.canvas_size_m, scale, calibrated=calibrated).observe().picture
     goal = goal_for(canvas)
     start = Start(fresh_memory(context.canvas_size_m, context.tool.nominal_width_m), 0.0, 0)
-    remaining, palette = first_plan(_asked(session), canvas, goal, count=session.strokes, start=start, log=log)
+    remaining, palette = first_plan(
+        _asked(session).in_hand(session.control.hand), canvas, goal, count=session.strokes, start=start, log=log
+    )
     state = PaintingState(
         remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
         executed=0, sessions=0, shard=0, turns=0, lines=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
-        phase="painting", message=f"{len(remaining)} strokes are planned.",
+        phase="painting", message=f"{len(remaining)} strokes are planned.", hand=session.control.hand,
     )  # fmt: skip
     write_png(session.folder / PLAN, as_picture(predict_canvas(context, remaining, canvas, start)))
     write_pictures(session.folder, session.context, state, session.replan_every)
@@ -153,9 +156,9 @@ class _StrokeByStroke:
         self.at, self.session, self.context, self.tool = at, at.session, at.context, at.tool
         self.over = False
         """The person stopped a painting in turns after its last stroke."""
-        self.unseen: list[Strokes] = []
+        self.unseen: list[PlannedPaths] = []
         """The last strokes, if they left no mark."""
-        self.last_visible: tuple[Strokes, float] | None = None
+        self.last_visible: tuple[PlannedPaths, float] | None = None
         """The last stroke and the share of its predicted darkening that was visible, where it is known."""
 
     def start(self, state: PaintingState, phase: Phase) -> PaintingState:
@@ -178,7 +181,7 @@ class _StrokeByStroke:
         """See ``control.loop.Task``."""
         if self.session.traits.in_studio:
             remember(self.session.folder, state.executed, self.at.recording.shard)
-        return self._commands(state.remaining.pick(slice(0, self.session.replan_every)))
+        return commands(_asked(self.session), state.remaining.pick(slice(0, self.session.replan_every)))
 
     def mark_pending(self, state: PaintingState) -> PaintingState:
         """See ``control.loop.Task``."""
@@ -248,7 +251,7 @@ class _StrokeByStroke:
             stroke, share = self.last_visible
             self.unseen = [*self.unseen, stroke] if share < _MIN_VISIBLE else []
         if len(self.unseen) == _DRY_AFTER:
-            remaining = reduce(Strokes.joined, [*self.unseen, state.remaining])
+            remaining = reduce(PlannedPaths.joined, [*self.unseen, state.remaining])
             self.at.checkpoint(replace(state, remaining=remaining, executed=state.executed - _DRY_AFTER))
             raise PaintingFault(
                 "no mark",
@@ -271,7 +274,7 @@ class _StrokeByStroke:
     def _resumed(self, state: PaintingState, canvas: Picture) -> PaintingState:
         """The state of an earlier session, continued on the canvas as it is now."""
         if state.pending and self._was_executed(state, canvas):
-            (stroke,) = self._commands(state.remaining.pick(slice(0, 1)))
+            (stroke,) = commands(_asked(self.session), state.remaining.pick(slice(0, 1)))
             dip = needs_dip(self.tool, stroke, state.memory)
             started_s = state.clock_s + self.context.brush.timing.reach_s
             memory = advance(state.memory, StrokeEvent(stroke.path, started_s, dip, stroke.color_srgb))
@@ -291,9 +294,6 @@ class _StrokeByStroke:
         )
         share = visible_share(state.canvas, canvas, expected)
         return share is not None and share > _EXECUTED
-
-    def _commands(self, strokes: Strokes) -> list[PlannedStroke]:
-        return strokes.planned(_asked(self.session).tool, self.context.brush.path_points)
 
 
 def _asked(session: PaintingSession) -> PaintContext:

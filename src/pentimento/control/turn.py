@@ -175,8 +175,9 @@ def _wished(at: Workplace, state: PaintingState, words: str, expression: Express
     turn = Turn(state.turns, words, state.executed, 0, tuple(things), expression)
     context = at.context.about(_taught(turn), expression)
     remaining, palette = first_plan(
-        context, state.canvas, goal, count=session.strokes, start=at.start_of(state), log=no_log
-    )
+        context.in_hand(session.control.hand), state.canvas, goal, count=session.strokes,
+        start=at.start_of(state), log=no_log,
+    )  # fmt: skip
     at.watchdog.rest()  # a person may have to fill the paints
     at.load(palette)
     turns = session.folder / TURNS

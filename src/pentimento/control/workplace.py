@@ -120,7 +120,7 @@ class Workplace:
         """Save and show the state, with the clocks of this moment."""
         state = replace(
             state, clock_s=self.clock_s, robot_clock_s=self.robot.clock_s, unix_s=time.time(),
-            shard=self.recording.shard + 1,
+            shard=self.recording.shard + 1, hand=self.session.control.hand,
         )  # fmt: skip
         save_state(self.session.folder, state)
         self.session.on_state(state)

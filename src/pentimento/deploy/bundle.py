@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -18,13 +18,15 @@ from pentimento.bundle.manifest import (
     EncoderFacts,
     FileEntry,
     GraphEntry,
+    HandFacts,
     Manifest,
     Setting,
     StyleFacts,
     WordsFacts,
 )
-from pentimento.bundle.reader import MANIFEST, SCHEMA
+from pentimento.bundle.reader import FILE_NAME, MANIFEST, SCHEMA
 from pentimento.contracts.codec import to_plain
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.frames import image_shape
 from pentimento.contracts.frames import pixels_per_m as image_scale
 from pentimento.contracts.ranges import above_zero, at_least
@@ -39,7 +41,9 @@ from pentimento.deploy.stroke_graphs import brush_graphs
 from pentimento.deploy.words import Things, taught_vocabulary
 from pentimento.dynamics.pushes.push_model import PushModel, planned_clay
 from pentimento.dynamics.strokes.extended import StrokeModel
-from pentimento.planning.strokes.config import PlannerConfig
+from pentimento.handwriting.synthetic_writers import HANDS
+from pentimento.planning.strokes.config import HandPlanConfig, PlannerConfig
+from pentimento.planning.strokes.latent import StyleDecoder, decoder_bytes
 from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 
@@ -107,6 +111,8 @@ class DeployConfig:
     settings: dict[str, SettingConfig]
     clays: dict[str, ClayConfig]
     """By material."""
+    hand_planner: HandPlanConfig
+    """How strokes are planned in a person's hand, in every setting."""
 
     def __post_init__(self) -> None:
         above_zero(self, "tolerance")
@@ -128,7 +134,9 @@ class Models:
     pushes: Mapping[str, PushModel]
     """By material."""
     digests: Mapping[str, str]
-    """Of the pipeline, for each of `stroke_<tool>`, `semantics`, `goal` and `push_<material>`."""
+    """Of the pipeline, for each of `stroke_<tool>`, `semantics`, `goal` and `push_<material>`; and `hands`."""
+    hands: Mapping[str, StyleDecoder] = field(default_factory=dict)
+    """Handwriting styles by the writer's name."""
 
 
 def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest:
@@ -136,9 +144,11 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.
-        ConfigError: the lean core does not support a part.
+        ConfigError: the lean core does not support a part, or the hands differ in their number of points.
     """
-    brushes, graphs = _brushes(models, config)
+    points = _hand_points(models.hands)
+    hands = {name: _hand_facts(name) for name in models.hands}
+    brushes, graphs = _brushes(models, config, points)
     styles, style_parts = _styles(config)
     clays, clay_parts = _clays(models, config)
     graphs |= style_parts | clay_parts
@@ -168,11 +178,11 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
             json.dumps(to_plain(taught_vocabulary(config.vocabulary)), ensure_ascii=False) + "\n"
         ).encode()
     goal = goal_facts(models.goal, goal_words, config.sampling, nouns=None if config.vocabulary is None else _NOUNS)
-    settings = {name: _setting(setting) for name, setting in config.settings.items()}
+    settings = {name: _setting(setting, points) for name, setting in config.settings.items()}
+    contents |= {hands[name].file: decoder_bytes(decoder) for name, decoder in models.hands.items()}
     contents["metrics.json"] = _json(_metrics(graphs))
-    card = bundle_card(
-        settings, entries, {name: len(data) for name, data in contents.items()}, named=config.vocabulary == "named"
-    )
+    sizes = {name: len(data) for name, data in contents.items()}
+    card = bundle_card(settings, entries, sizes, hands, named=config.vocabulary == "named")
     contents["card.md"] = card.encode()
     manifest = Manifest(
         schema=SCHEMA,
@@ -188,6 +198,8 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         styles=styles,
         clays=clays,
         sculpting={f"clay_{material}": clay.sculpting for material, clay in config.clays.items()},
+        hands=hands,
+        hand_planner=config.hand_planner,
     )
     for name, data in {**contents, MANIFEST: _json(to_plain(manifest))}.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -200,17 +212,51 @@ def brush_name(setting: SettingConfig) -> str:
     return f"{setting.tool}_{setting.planner.path_points}"
 
 
-def _brushes(models: Models, config: DeployConfig) -> tuple[dict[str, BrushFacts], dict[str, Graph]]:
+def _path_brush_name(tool: str, points: int | None) -> str | None:
+    return None if points is None else f"{tool}_{points}_path"
+
+
+def _hand_points(hands: Mapping[str, StyleDecoder]) -> int | None:
+    """The number of points of the hands' paths; None without hands.
+
+    Raises:
+        ConfigError: they differ.
+    """
+    points = {name: decoder.points for name, decoder in hands.items()}
+    if len({*points.values()}) > 1:
+        raise ConfigError(f"The hands' paths differ in the number of points, {points}: train them together.")
+    return next(iter(points.values()), None)
+
+
+def _hand_facts(name: str) -> HandFacts:
+    """Raises ConfigError where a writer's name cannot be a file's in the bundle."""
+    facts = HandFacts(f"hands/{name}.npz", synthetic=name in HANDS)
+    if not FILE_NAME.fullmatch(facts.file):
+        raise ConfigError(
+            f"The hand {name!r} cannot be a file of the bundle: name writers by small letters, digits, '_', '-' and '.'"
+        )
+    return facts
+
+
+def _brushes(
+    models: Models, config: DeployConfig, hand_points: int | None
+) -> tuple[dict[str, BrushFacts], dict[str, Graph]]:
+    """For Bézier strokes; and, with hands, for paths of their number of points."""
     facts: dict[str, BrushFacts] = {}
     graphs: dict[str, Graph] = {}
     for setting in config.settings.values():
-        name, points = brush_name(setting), setting.planner.path_points
-        if name not in facts:
-            model, tool = models.strokes[setting.tool], load_tool(setting.tool)
-            facts[name], of_brush = brush_graphs(
-                name, model, tool, path_points=points, canvas_m=setting.canvas_m, tolerance=config.tolerance
-            )
-            graphs |= of_brush
+        model, tool = models.strokes[setting.tool], load_tool(setting.tool)
+        wanted = {brush_name(setting): setting.planner.path_points}
+        by_path = _path_brush_name(setting.tool, hand_points)
+        if by_path is not None and hand_points is not None:
+            wanted[by_path] = hand_points
+        for name, points in wanted.items():
+            if name not in facts:
+                facts[name], of_brush = brush_graphs(
+                    name, model, tool, path_points=points, canvas_m=setting.canvas_m, tolerance=config.tolerance,
+                    takes_paths=name == by_path,
+                )  # fmt: skip
+                graphs |= of_brush
     return facts, graphs
 
 
@@ -241,11 +287,12 @@ def _clays(models: Models, config: DeployConfig) -> tuple[dict[str, ClayFacts], 
     return facts, graphs
 
 
-def _setting(config: SettingConfig) -> Setting:
+def _setting(config: SettingConfig, hand_points: int | None) -> Setting:
     tool = load_tool(config.tool)
     return Setting(
         tool=f"tools/{config.tool}.toml",
         brush=brush_name(config),
+        path_brush=_path_brush_name(config.tool, hand_points),
         words=config.words,
         canvas_m=config.canvas_m,
         strokes=config.strokes,
@@ -281,7 +328,12 @@ def _json(value: Any) -> bytes:
 
 
 def bundle_card(
-    settings: Mapping[str, Setting], graphs: Mapping[str, GraphEntry], sizes: Mapping[str, int], *, named: bool
+    settings: Mapping[str, Setting],
+    graphs: Mapping[str, GraphEntry],
+    sizes: Mapping[str, int],
+    hands: Mapping[str, HandFacts],
+    *,
+    named: bool,
 ) -> str:
     """The card of a bundle in Markdown; `named` if the goal planner was taught drawings of named things."""
     lines = [_HEAD + _LICENCE * named, "| setting | tool | canvas | strokes | envelope |", "|---|---|---|---|---|"]
@@ -290,6 +342,10 @@ def bundle_card(
         lines.append(
             f"| {name} | {setting.brush} | {width:g} x {height:g} mm | {setting.strokes} | {setting.envelope.id} |"
         )
+    if hands:
+        lines += ["", "| hand | whose strokes it learned from |", "|---|---|"]
+    for name, hand in sorted(hands.items()):
+        lines.append(f"| {name} | {'a synthetic writer' if hand.synthetic else 'a person, recorded'} |")
     lines += [
         "",
         "The difference of a graph is the norm of the difference from PyTorch over the norm of PyTorch's result, the",

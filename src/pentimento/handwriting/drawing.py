@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pentimento.calibration.observe import CameraCalibration
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.painter import as_linear, observe, paint
-from pentimento.dynamics.strokes.planned import TorchBrush
-from pentimento.dynamics.strokes.simulation import StrokeContext, extended_mark, full_at_most
+from pentimento.dynamics.strokes.planned import TorchBrush, marks_of_paths
 from pentimento.planning.strokes.brush import Array, Marks
 from pentimento.planning.strokes.config import Log, ShapedPlanConfig, no_log
 from pentimento.planning.strokes.planner import plan_shapes
@@ -70,26 +69,19 @@ class TorchPathBrush(TorchBrush):
     ) -> tuple[Marks, Callable[[Marks], tuple[Array, Array]]]:
         """See ``PathBrush``. Gradients treat times as constants. The pull-back may be called once."""
         path, own = torch.tensor(paths, requires_grad=True), torch.tensor(color, requires_grad=True)
-        columns = {name: torch.tensor(inherited[name])[None] for name in self.fitted}
+        columns = {name: torch.tensor(inherited[name]) for name in self.fitted}
         with torch.enable_grad():
-            context = StrokeContext(path[None], columns)
-            mark = full_at_most(extended_mark(self.model.mark(), self.model.mechanisms, context))
-            paint, pickup = own[None], None
-            for mechanism in self.model.mechanisms:
-                paint, pickup = mechanism.composite(paint, pickup, context)
-            fields = [values[0] for values in (*mark, paint)]
-            wet = None if pickup is None else pickup[0]
+            fields = marks_of_paths(self.model, path, own, columns)
 
         def pull(cotangent: Marks) -> tuple[Array, Array]:
             pairs = [
                 (field, torch.from_numpy(given))
-                for field, given in zip((*fields, wet), cotangent, strict=True)
-                if field is not None and field.requires_grad and given is not None
+                for field, given in zip(fields, cotangent, strict=False)  # no pickup where tools stay clean
+                if field.requires_grad and given is not None
             ]
             outputs, cotangents = zip(*pairs, strict=True)
             found = torch.autograd.grad(outputs, (path, own), cotangents, allow_unused=True, materialize_grads=True)
             return found[0].numpy(), found[1].numpy()
 
-        points, radius, density, softness, color_left = (f.detach().contiguous().numpy() for f in fields)
-        picked = None if wet is None else wet.detach().contiguous().numpy()
-        return Marks(points, radius, density, softness, color_left, picked), pull
+        points, radius, density, softness, paint, *pickup = (f.detach().contiguous().numpy() for f in fields)
+        return Marks(points, radius, density, softness, paint, pickup[0] if pickup else None), pull

@@ -9,13 +9,14 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.dynamics.strokes.extended import base_model
 from pentimento.handwriting.drawing import TorchPathBrush
 from pentimento.planning.objectives import PrintObjective
-from pentimento.planning.strokes.config import PRINT_ALONE, ShapedPlanConfig, ShapeRates, TextConfig
+from pentimento.planning.strokes.config import PRINT_ALONE, HandPlanConfig, ShapedPlanConfig, ShapeRates, TextConfig
 from pentimento.planning.strokes.palette import PaletteChoice
-from pentimento.planning.strokes.planner import plan_shapes
+from pentimento.planning.strokes.planner import plan_shapes, plan_strokes
 from pentimento.planning.strokes.render_plan import render_and_back, render_plan
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.planning.strokes.shapes import BezierShapes, Shapes
 from pentimento.robots.tools import load_tool
+from tests.planning.strokes.scenes import CONFIG as BEZIER
 from tests.planning.strokes.scenes import PARAMETERS, unheard
 from tests.planning.strokes.test_shapes import MARKER, hand
 
@@ -61,6 +62,19 @@ def test_plan_shapes_lowers_the_objective_deterministically(shapes: Shapes) -> N
 
 def test_plan_shapes_of_zero_length_is_empty() -> None:
     assert len(plan_shapes(WHITE, scene(), hand(), 0.0, config=CONFIG, log=unheard)[0]) == 0
+
+
+def test_plan_strokes_in_a_hand_draws_as_much_line_as_the_tools_strokes() -> None:
+    planner = replace(BEZIER, objectives=PRINT_ALONE, pixels_per_m=500.0)
+    config = HandPlanConfig(rounds=3, max_latent_distance=0.5, shape_rate=0.05).of(planner, POINTS)
+    assert (config.rounds, config.max_latent_distance, config.path_points) == (3, 0.5, POINTS)
+    assert (config.pixels_per_m, config.palette, config.seed) == (planner.pixels_per_m, planner.palette, planner.seed)
+    config = replace(config, palette=CONFIG.palette)
+    strokes, _ = plan_strokes(WHITE, scene(), 12, config=config, shapes=hand(), log=unheard)
+    drawn_m = np.linalg.norm(np.diff(strokes.paths(POINTS)[..., 1:3], axis=1), axis=-1).sum()
+    assert drawn_m == pytest.approx(12 * np.mean(MARKER.stroke_length_m), rel=0.25)
+    with pytest.raises(ConfigError, match="need a ShapedPlanConfig"):
+        plan_strokes(WHITE, scene(), 12, config=config, shapes=None, log=unheard)
 
 
 def painted() -> Scene:

@@ -10,6 +10,7 @@ const goOn = buttons.find((button) => button.dataset.command === "go on");
 const undo = buttons.find((button) => button.dataset.command === "undo");
 const wish = document.getElementById("wish");
 const words = document.getElementById("words");
+const hand = document.getElementById("hand");
 const goals = document.getElementById("goals");
 // The commands that each phase accepts; the other phases accept none.
 const accepted = {
@@ -64,6 +65,9 @@ function show(state) {
   if (!state.undo) undo.disabled = true;
   if (state.phase === "your turn" && state.executed === state.total) goOn.disabled = true;
   for (const button of wish.querySelectorAll("button")) button.disabled = !(state.phase in accepted);
+  document.getElementById("hands").hidden = state.hands.length === 0;
+  if (hand.length === 1) hand.append(...state.hands.map((name) => new Option(name)));
+  if (document.activeElement !== hand) hand.value = state.hand ?? "";
   received = state.lines;
   pen = state.phase === "your turn" ? state.pen : null;
   if (pen === null && (sent.length || line !== null)) {
@@ -133,6 +137,7 @@ wish.addEventListener("submit", async (event) => {
   asked = true;
   say(message, "The robot thinks of what to draw.");
 });
+hand.addEventListener("change", () => send("hand", hand.value));
 
 for (const link of document.querySelectorAll("#save a")) {
   link.addEventListener("click", async (event) => {

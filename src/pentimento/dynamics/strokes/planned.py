@@ -50,16 +50,27 @@ def planned_marks(
         The fields of ``planning.strokes.brush.Marks`` in their order. The last, pickup, is left out where no mechanism
         picks up paint.
     """
-    path = _geometry(strokes, path_points)[None]
-    if model.mechanisms:  # the base knows neither times nor yaw
-        path = _commanded(path, strokes.theta_rad, tool)
-    context = StrokeContext(path, {name: values[None] for name, values in covariates.items()})
+    # The base knows neither times nor yaw.
+    path = commanded_paths(strokes, path_points, tool) if model.mechanisms else _geometry(strokes, path_points)
+    return marks_of_paths(model, path, strokes.color, covariates)
+
+
+def marks_of_paths(
+    model: StrokeModel, path: Tensor, color: Tensor, covariates: Mapping[str, Tensor]
+) -> tuple[Tensor, ...]:
+    """The marks of commanded paths [S, N, 5] in colours [S, 3], linear light; see ``planned_marks``."""
+    context = StrokeContext(path[None], {name: values[None] for name, values in covariates.items()})
     mark = full_at_most(extended_mark(model.mark(), model.mechanisms, context))
-    paint, pickup = strokes.color[None], None
+    paint, pickup = color[None], None
     for mechanism in model.mechanisms:
         paint, pickup = mechanism.composite(paint, pickup, context)
     fields = (*mark, paint) if pickup is None else (*mark, paint, pickup)
     return tuple(values[0] for values in fields)
+
+
+def commanded_paths(strokes: BezierTensors, points: int, tool: Tool) -> Tensor:
+    """Commanded paths [S, N, 5] of Bézier strokes, with times and yaw."""
+    return _commanded(_geometry(strokes, points), strokes.theta_rad, tool)
 
 
 def _geometry(strokes: BezierTensors, points: int) -> Tensor:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import srgb_to_linear
+from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.strokes.paths import PlannedPaths, color_of, half_turn, shift_within
 from pentimento.robots.motion import timed_path
@@ -53,7 +54,15 @@ class Strokes(PlannedPaths):
         return path
 
     def marks(self, brush: Brush, inherited: Mapping[str, Array]) -> tuple[Marks, Callable[[Marks], tuple[Array, ...]]]:
-        """See ``PlannedPaths``."""
+        """See ``PlannedPaths``.
+
+        Raises:
+            ConfigError: the brush takes paths only.
+        """
+        from pentimento.planning.strokes.brush import BezierBrush  # it imports this module
+
+        if not isinstance(brush, BezierBrush):
+            raise ConfigError("Bézier strokes need a brush with marks; this one takes paths only.")
         marks, pull = brush.marks(self, inherited)
         return marks, lambda of_marks: pull(of_marks).arrays()
 

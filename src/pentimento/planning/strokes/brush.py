@@ -61,11 +61,14 @@ class Marks(NamedTuple):
 
 
 Pull = Callable[[Marks], Strokes]
-"""The pull-back of ``Brush.marks``: from ∂loss/∂marks to ∂loss/∂strokes. Gradients are the strokes' six arrays."""
+"""The pull-back of ``BezierBrush.marks``: from ∂loss/∂marks to ∂loss/∂strokes, which are the strokes' six arrays."""
 
 
 class Brush(Protocol):
-    """A stroke model with its mechanisms, for one tool and one number of points in a path."""
+    """A stroke model with its mechanisms, for one tool and one number of points in a path.
+
+    What strokes leave, ``BezierBrush`` and ``PathBrush`` say.
+    """
 
     @property
     def fitted(self) -> Mapping[str, Span]:
@@ -79,6 +82,14 @@ class Brush(Protocol):
     def path_points(self) -> int:
         """N, the number of points of each commanded and of each drawn path."""
 
+    def gain(self, places_m: Array) -> Array | None:
+        """[P, 3] factor of the camera on the light of places [P, 2] (canvas frame). None: no camera mechanism."""
+
+
+@runtime_checkable
+class BezierBrush(Brush, Protocol):
+    """A brush that takes Bézier strokes."""
+
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
         """What Bézier strokes leave, and the pull-back.
 
@@ -87,13 +98,10 @@ class Brush(Protocol):
             inherited: [S] of each column in ``fitted``. No gradient flows there.
         """
 
-    def gain(self, places_m: Array) -> Array | None:
-        """[P, 3] factor of the camera on the light of places [P, 2] (canvas frame). None: no camera mechanism."""
-
 
 @runtime_checkable
 class PathBrush(Brush, Protocol):
-    """A brush that also takes paths of any shape."""
+    """A brush that takes paths of any shape."""
 
     @property
     def tool(self) -> Tool:
@@ -103,5 +111,5 @@ class PathBrush(Brush, Protocol):
         self, paths: Array, color: Array, inherited: Mapping[str, Array]
     ) -> tuple[Marks, Callable[[Marks], tuple[Array, Array]]]:
         """What commanded paths [S, N, 5] in colours [S, 3] leave, and the pull-back to ∂loss/∂paths [S, N, 5] and
-        ∂loss/∂colours [S, 3].
+        ∂loss/∂colours [S, 3]; ``inherited`` as for Bézier strokes.
         """

@@ -273,6 +273,49 @@ class ShapedPlanConfig:
         _check_shares_and_distances(self.relocate_share, self.distances_px)
 
 
+@dataclass(frozen=True)
+class HandPlanConfig:
+    """How a tool's strokes are planned in a person's hand: what Bézier strokes do not have. The rest is theirs."""
+
+    rounds: int
+    """As in ``ShapedPlanConfig``."""
+    max_latent_distance: float
+    """As in ``ShapedPlanConfig``."""
+    shape_rate: float
+    """See ``ShapeRates.shape``."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "rounds")
+        at_least(self, 0, "max_latent_distance", "shape_rate")
+
+    def of(self, planner: PlannerConfig, points: int) -> ShapedPlanConfig:
+        """The settings for shapes of so many points, where the tool's Bézier strokes are planned by ``planner``."""
+        rates = planner.learning_rates
+        return ShapedPlanConfig(
+            candidates=planner.candidates,
+            rounds=self.rounds,
+            iterations_per_round=planner.iterations_per_round,
+            iterations=planner.iterations_free,
+            iterations_palette=planner.iterations_palette,
+            iterations_replan=planner.iterations_replan,
+            replan_rate=planner.replan_rate,
+            relocate_every=planner.relocate_every,
+            relocate_share=planner.relocate_share,
+            max_latent_distance=self.max_latent_distance,
+            palette=planner.palette,
+            sweeps=planner.sweeps,
+            path_points=points,
+            pixels_per_m=planner.pixels_per_m,
+            edge_m=planner.edge_m,
+            distances_px=planner.distances_px,
+            objectives=planner.objectives,
+            learning_rates=ShapeRates(
+                rates.middle_m, rates.theta_rad, rates.press_m, shape=self.shape_rate, color=rates.color
+            ),
+            seed=planner.seed,
+        )
+
+
 PlanConfig = PlannerConfig | ShapedPlanConfig
 """What the shared planner reads."""
 

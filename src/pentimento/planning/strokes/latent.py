@@ -105,6 +105,15 @@ def write_decoder(path: Path, decoder: StyleDecoder) -> None:
     Raises:
         ContractError: a number is not finite.
     """
+    atomic_write(Path(path), decoder_bytes(decoder))
+
+
+def decoder_bytes(decoder: StyleDecoder) -> bytes:
+    """The content of a decoder's file.
+
+    Raises:
+        ContractError: a number is not finite.
+    """
     arrays = {
         "hand": np.array(decoder.hand),
         "scale_m": np.array(decoder.scale_m),
@@ -118,7 +127,7 @@ def write_decoder(path: Path, decoder: StyleDecoder) -> None:
         raise ContractError(f"The decoder of {decoder.hand} is not finite in {broken}; train it again.")
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
-    atomic_write(Path(path), buffer.getvalue())
+    return buffer.getvalue()
 
 
 def read_decoder(path: Path) -> StyleDecoder:
@@ -128,13 +137,28 @@ def read_decoder(path: Path) -> StyleDecoder:
         ContractError: the file is missing or damaged, or its arrays do not fit together.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ContractError(f"{path} holds no decoder ({error}); make it with the stage train_trajvae.") from error
+    return decoder_from(content, str(path))
+
+
+def decoder_from(content: bytes, path: str) -> StyleDecoder:
+    """The decoder in a file's content; ``path`` names the file in messages.
+
+    Raises:
+        ContractError: the content is damaged, or its arrays do not fit together.
+    """
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             count = sum(name.startswith("weight_") for name in stored)
             layers = tuple(Layer(stored[f"weight_{n}"], stored[f"bias_{n}"]) for n in range(count))
             decoder = StyleDecoder(
                 str(stored["hand"]), layers, float(stored["scale_m"]), stored["latent_mean"], stored["latent_deviation"]
             )
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            if not all(np.isfinite(values).all() for name, values in stored.items() if name != "hand"):
+                raise ValueError("a number is not finite")
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
         raise ContractError(f"{path} holds no decoder ({error}); make it with the stage train_trajvae.") from error
     sizes = [decoder.latent_mean.shape[1:2], *(layer.weight.shape[1:2] for layer in layers)]
     fits = layers and all(

@@ -110,6 +110,22 @@ def free_plan(
     return without_useless(strokes, canvas, scene, config) if config.initialisation == "lines" else strokes
 
 
+def plan_strokes(
+    canvas: Array, scene: Scene, count: int, *, config: PlanConfig, shapes: Shapes | None, log: Log
+) -> tuple[PlannedPaths, FloatArray]:
+    """``plan``, or with ``shapes`` ``plan_shapes`` with as much line as ``count`` strokes of the tool's middle length.
+
+    Raises:
+        ConfigError: as those; or shapes and the kind of configuration do not fit.
+    """
+    if shapes is None and isinstance(config, PlannerConfig):
+        return plan(canvas, scene, count, config, log)
+    if shapes is None or not isinstance(config, ShapedPlanConfig):
+        raise ConfigError("Strokes of one kind of shape need a ShapedPlanConfig, and Bézier strokes a PlannerConfig.")
+    ink_m = count * sum(scene.tool.stroke_length_m) / 2
+    return plan_shapes(canvas, scene, shapes, ink_m, config=config, log=log)
+
+
 def plan_shapes(
     canvas: Array, scene: Scene, shapes: Shapes, ink_m: float, *, config: ShapedPlanConfig, log: Log
 ) -> tuple[ShapedStrokes, FloatArray]:

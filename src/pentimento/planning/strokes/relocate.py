@@ -11,8 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.planning.strokes.bezier import Strokes
-from pentimento.planning.strokes.config import PlanConfig, PlannerConfig
+from pentimento.planning.strokes.config import PlanConfig
 from pentimento.planning.strokes.families import PathFamily
 from pentimento.planning.strokes.initialise import alone_px
 from pentimento.planning.strokes.paths import PlannedPaths
@@ -54,16 +53,16 @@ def contributions(strokes: PlannedPaths, canvas: Array, scene: Scene, config: Pl
     return rise_without(alone_px(strokes, scene), canvas, scene.target, distances=config.distances_px)
 
 
-def without_useless(strokes: Strokes, canvas: Array, scene: Scene, config: PlannerConfig) -> Strokes:
-    """The strokes without those that lower the objective by less than ``config.min_gain_per_stroke``; if that is 0,
-    without those that raise it.
+def without_useless(strokes: S, canvas: Array, scene: Scene, config: PlanConfig) -> S:
+    """The strokes without those that lower the objective by less than ``config.min_gain_per_stroke``; if that is 0
+    or None, without those that raise it.
 
     Each round removes the worse half of them, because removing one stroke can make another useful. Without a print
     objective, which tells the use of a single stroke, all strokes stay.
     """
     if config.objectives.print_weight == 0:
         return strokes
-    least = config.min_gain_per_stroke * scene.target.shape[0] * scene.target.shape[1]
+    least = (config.min_gain_per_stroke or 0.0) * scene.target.shape[0] * scene.target.shape[1]
     left = strokes.pick(slice(None))
     while len(left):
         left.inherited = None  # positions in the plan have changed

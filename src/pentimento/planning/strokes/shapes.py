@@ -7,7 +7,7 @@ the Bézier curve another, so that both can be compared with the same planner.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -107,7 +107,7 @@ class ShapedStrokes(PlannedPaths):
     theta_rad: Array  # [S]
     press_m: Array  # [S, 3] at start, middle, end
     color: Array  # [S, 3] linear light
-    inherited: Mapping[str, Array] | None = None
+    inherited: Mapping[str, Array] | None = field(default=None, kw_only=True)
 
     def arrays(self) -> tuple[Array, ...]:
         """Shape parameters, middles, headings, presses and colours."""
