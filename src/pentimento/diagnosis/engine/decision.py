@@ -1,0 +1,61 @@
+"""The probability that a cause is at work, from its evidence: a logistic regression, the same for all kinds of actions.
+
+``decision.json`` holds its weights. ``python -m studies.decision`` fits them on simulated worlds that serve no other
+purpose.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.engine.evidence import Evidence
+
+Array = NDArray[Any]
+
+_LARGEST_Z = 8.0
+"""Beyond it a z says nothing more."""
+FEATURES = (
+    "discovery_z", "confirmation_z", "log_share", "share_z", "votes", "form_z", "signature_z", "unnamed", "rival",
+    "log_beside", "log_misfit",
+)  # fmt: skip
+
+
+def features(evidence: Evidence) -> Array:
+    """The evidence on bounded scales, [len(FEATURES)]."""
+
+    def z(value: float) -> float:
+        return float(np.clip(value, -_LARGEST_Z, _LARGEST_Z))
+
+    def log(value: float, smallest: float) -> float:
+        return float(np.log(np.clip(value, smallest, 1.0)))
+
+    return np.array([
+        z(evidence.discovery_z), z(evidence.confirmation_z), log(evidence.share, 1e-4), z(evidence.share_z),
+        evidence.votes, z(evidence.form_z), z(evidence.signature_z), min(evidence.unnamed, 2.0),
+        min(evidence.rival, 2.0), log(evidence.beside, 1e-3), -log(1 / max(evidence.misfit, 1.0), 1e-2),
+    ])  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Weights of the logistic regression."""
+
+    intercept: float
+    weights: Array
+    """[len(FEATURES)]."""
+
+    def probability(self, evidence: Evidence) -> float:
+        """Probability that the cause is at work."""
+        return float(1 / (1 + np.exp(-(self.intercept + self.weights @ features(evidence)))))
+
+
+def default_decision() -> Decision:
+    """The decision that ships with the package."""
+    stored = json.loads((resources.files("pentimento.diagnosis.engine") / "decision.json").read_text())
+    return Decision(stored["intercept"], np.array([stored["weights"][name] for name in FEATURES]))

@@ -1,0 +1,144 @@
+"""Measured strokes as a problem of the diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
+from pentimento.diagnosis.evaluation import Floor
+from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.residual_structure import ModeScores
+from pentimento.diagnosis.strokes.candidates import is_physical
+from pentimento.diagnosis.strokes.fit import choose_mixing, first_model, fit, huber_weighted, stiffened
+from pentimento.diagnosis.strokes.jacobian import linearise
+from pentimento.diagnosis.strokes.learned_residual import learn_residual
+from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
+from pentimento.diagnosis.strokes.model import Model, UnevenEnds, observable_causes
+from pentimento.diagnosis.strokes.modes import MODES, mode_scores
+from pentimento.diagnosis.strokes.predict import action_losses, noise_floor
+from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.mechanisms.latency import Latency
+from pentimento.dynamics.strokes.simulation import Mechanism
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class FittedStrokes:
+    """A stroke model as the engine sees it."""
+
+    model: Model
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Names, in the order of their parameters."""
+        return tuple(m.cause for m in self.model.mechanisms)
+
+    @property
+    def vector(self) -> Array:
+        """[P] parameters."""
+        return self.model.vector
+
+
+@dataclass(frozen=True, eq=False)
+class StrokeProblem:
+    """Measured strokes and the stroke model."""
+
+    measured: Measured
+    base: Model
+    """Fitted without causes; it has chosen how paint mixes."""
+    mechanisms: Mapping[str, Mechanism]
+    """Of each cause, with all quantities 0."""
+    causes: Mapping[str, Cause]
+    seed: int
+    unit: str = "sRGB"
+    modes: tuple[str, ...] = MODES
+
+    @property
+    def rows(self) -> Rows:
+        """See ``Problem``."""
+        m = self.measured
+        return Rows(m.action, m.block, m.turn, covariates_shown(m))
+
+    def pick(self, rows: Array) -> Self:
+        """See ``Problem``."""
+        return replace(self, measured=self.measured.pick(rows))
+
+    def fit(self, causes: Sequence[str], start: FittedStrokes | None = None) -> FittedStrokes:
+        """See ``Problem``."""
+        model = self.base if start is None else start.model
+        model = model.without(*(m.cause for m in model.mechanisms if m.cause not in causes))
+        taken = {m.cause for m in model.mechanisms}
+        new = [self.mechanisms[name] for name in causes if name not in taken]
+        starts = [model.plus(*new)]
+        far = [m for m in new if isinstance(m, BristleLag | Latency)]
+        if far:  # a lag beyond a half-width shows little at 0
+            starts.append(model.plus(*(_at_typical_size(m) if m in far else m for m in new)))
+        fits = [fit(each, self.measured) for each in starts]
+        return FittedStrokes(min(fits, key=lambda each: float(action_losses(each, self.measured).mean())))
+
+    def losses(self, model: FittedStrokes) -> Array:
+        """See ``Problem``."""
+        return action_losses(model.model, self.measured)
+
+    def linearise(self, model: FittedStrokes, candidates: Sequence[str]) -> Statistics:
+        """See ``Problem``."""
+        full = model.model.plus(*(self.mechanisms[name] for name in candidates))
+        return stiffened(linearise(full, self.measured), full, 1.0)
+
+    def floor(self, model: FittedStrokes) -> Floor | None:
+        """See ``Problem``."""
+        return noise_floor(model.model, self.measured, self.seed)
+
+    def mode_scores(self, model: FittedStrokes) -> ModeScores:
+        """See ``Problem``."""
+        return mode_scores(model.model, self.measured)
+
+    def learn_residual(
+        self, model: FittedStrokes, candidates: Sequence[str]
+    ) -> tuple[Self, Callable[[Self], Self]]:
+        """See ``Problem``."""
+        others = [self.mechanisms[name] for name in candidates]
+        rows = np.arange(len(self.measured))
+        learned, measured = learn_residual(self.measured, model.model, rows, candidates=others, seed=self.seed)
+
+        def predict(other: Self) -> Self:
+            return replace(other, measured=replace(learned.of(other.measured), weight=np.ones(len(other.measured))))
+
+        return replace(self, measured=huber_weighted(measured, model.model)), predict
+
+
+def stroke_problem(measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int) -> StrokeProblem:
+    """The problem of measured strokes."""
+    seen, _ = observable_causes((*vocabulary, UnevenEnds), measured.context)
+    base = choose_mixing(fit(first_model(measured), measured), measured, seed)
+    causes = {name: _cause(mechanism) for name, mechanism in seen.items()}
+    return StrokeProblem(huber_weighted(measured, base), base, seen, causes, seed)
+
+
+def _cause(mechanism: Mechanism) -> Cause:
+    typical = np.array([q.typical for q in mechanism.quantities])
+
+    def is_possible(values: Array) -> bool:
+        return is_physical(type(mechanism)(torch.tensor(values * typical), mechanism.reference))
+
+    return Cause(
+        name=mechanism.cause,
+        quantities=tuple(Quantity(*q) for q in mechanism.quantities),
+        covariates=mechanism.informative_covariates,
+        family=mechanism.driving_covariate,
+        signature=mechanism.signature,
+        named=not isinstance(mechanism, UnevenEnds),
+        is_possible=is_possible,
+    )
+
+
+def _at_typical_size(mechanism: Mechanism) -> Mechanism:
+    typical = torch.tensor([q.typical for q in mechanism.quantities], dtype=torch.float64)
+    return type(mechanism)(typical, mechanism.reference)
