@@ -17,7 +17,8 @@ from pentimento.diagnosis.engine.evidence import Evidence, evidence_for
 from pentimento.diagnosis.engine.problem import M, Problem
 from pentimento.diagnosis.engine.rule import DecisionRule
 from pentimento.diagnosis.engine.search import search
-from pentimento.diagnosis.evaluation import Floor, fraction_of_gap, mean_gain, split
+from pentimento.diagnosis.engine.splits import split
+from pentimento.diagnosis.evaluation import Floor, fraction_of_gap, mean_gain
 from pentimento.diagnosis.residual_structure import Structure, find_structure
 
 Array = NDArray[Any]

@@ -64,6 +64,7 @@ def search(
         chosen = simplest_of_the_best(useful, float(before.mean()), problem, rule, seed=seed)
         log(f"{chosen}: error {before.mean():.3g} -> {useful[chosen].mean():.3g}")
         model = without_needless(problem, refits[chosen], rule, seed=seed, log=log)
+        dismissed |= {name for name in refits[chosen].causes if name not in model.causes}
     return model
 
 
