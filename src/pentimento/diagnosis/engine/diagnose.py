@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.engine.decision import Decision
 from pentimento.diagnosis.engine.evidence import Evidence, evidence_for
-from pentimento.diagnosis.engine.problem import M, Problem
+from pentimento.diagnosis.engine.problem import M, Problem, columns_of
 from pentimento.diagnosis.engine.rule import DecisionRule
 from pentimento.diagnosis.engine.search import search
 from pentimento.diagnosis.engine.splits import split
-from pentimento.diagnosis.evaluation import Floor, fraction_of_gap, mean_gain
+from pentimento.diagnosis.evaluation import SMALLEST_GAP, Floor, fraction_of_gap, mean_gain
+from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.residual_structure import Structure, find_structure
 
 Array = NDArray[Any]
@@ -28,22 +29,39 @@ Array = NDArray[Any]
 class Decided(Generic[M]):
     """What the discovery and the confirmation split say."""
 
-    extended: M
-    """The base with the established causes, fitted to both splits."""
+    model: M
+    """The base with the causes that are at least suspected, fitted to both splits."""
     probability: dict[str, float]
-    """Of each cause that was proposed and not rejected at once."""
+    """Of each of these causes."""
     evidence: dict[str, Evidence]
     """Of every proposed cause, when it was accepted or rejected."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause with its gain on the test split."""
+
+    cause: str
+    probability: float
+    gain: float
+    """Share of the base's error above the floor that it removes."""
+    gain_interval: tuple[float, float]
+    """95 %."""
+    values: dict[str, tuple[float, float]]
+    """Each quantity with its standard error, in its unit."""
+    evidence: Evidence
 
 
 @dataclass(frozen=True)
 class Result(Generic[M]):
     """The outcome of a diagnosis."""
 
+    extended: M
+    """The base with the established causes, fitted outside the test split."""
+    established: tuple[Finding, ...]
+    suspected: tuple[Finding, ...]
+    """Each beside the established causes."""
     decided: Decided[M]
-    established: dict[str, tuple[float, tuple[float, float]]]
-    """For each established cause the share of the gap that it removes on the test split, with its 95 % interval."""
-    suspected: tuple[str, ...]
     base_losses: Array
     """Error of the base on each action of the test split."""
     extended_losses: Array
@@ -69,7 +87,7 @@ def diagnose(
     """
     splits = split(problem.rows, seed)
     rows = np.sort(np.concatenate(splits[:2]))
-    known = problem.pick(rows)
+    known = problem.pick(rows).prepared()
     confirmation = np.isin(np.unique(known.rows.action), problem.rows.action[splits.confirmation])
     decided, known, predict_residual = decide(known, confirmation, decision, rule, seed=seed, log=log)
     return report(decided, known, predict_residual(problem.pick(splits.test)), rule, seed=seed)
@@ -109,26 +127,50 @@ def decide(
             break
         log(f"{worst}: probability {probability[worst]:.2f}")
         model = discovery.fit([name for name in model.causes if name != worst], model)
-    kept = [n for n in model.causes if probability.get(n, 1.0) >= rule.established]
-    return Decided(known.fit(kept, model), probability, evidence), known, predict_residual
+    return Decided(known.fit(model.causes, model), probability, evidence), known, predict_residual
 
 
-def report(
-    decided: Decided[M], known: Problem[M], test: Problem[M], rule: DecisionRule, *, seed: int
-) -> Result[M]:
+def report(decided: Decided[M], known: Problem[M], test: Problem[M], rule: DecisionRule, *, seed: int) -> Result[M]:
     """Errors and gains on the test split, and the structure that the extended model leaves in the known rows."""
-    extended = decided.extended
-    established = [name for name in extended.causes if known.causes[name].named]
-    base = known.fit([name for name in extended.causes if name not in established])
-    base_losses, extended_losses = test.losses(base), test.losses(extended)
-    floor = test.floor(extended)
-    gap = max(float(base_losses.mean()) - (floor.mse if floor else 0.0), 0.1 * float(base_losses.mean()))
-    gains = {}
-    for name in established:
-        without = known.fit([other for other in extended.causes if other != name], extended)
-        gains[name] = mean_gain((test.losses(without) - extended_losses) / gap, seed)
+    unnamed = [name for name in decided.model.causes if not known.causes[name].named]
+    sure = [name for name, p in decided.probability.items() if p >= rule.established]
+    base = known.fit(unnamed, decided.model)
+    extended = known.fit([*unnamed, *sure], decided.model)
+    base_losses, extended_losses, floor = test.losses(base), test.losses(extended), test.floor(extended)
+    error = float(base_losses.mean())
+    gap = max(error - (floor.mse if floor else 0.0), SMALLEST_GAP * error)
+
+    def finding(cause: str) -> Finding:
+        others = [name for name in extended.causes if name != cause]
+        with_it = extended if cause in extended.causes else known.fit([*others, cause], decided.model)
+        without = extended if with_it is not extended else known.fit(others, extended)
+        gain, interval = mean_gain((test.losses(without) - test.losses(with_it)) / gap, seed)
+        return Finding(
+            cause, decided.probability[cause], gain, interval, values_with_errors(known, with_it, cause),
+            decided.evidence[cause],
+        )  # fmt: skip
+
+    columns = known.rows.covariates
     structure = find_structure(
-        known.modes, known.mode_scores(extended), known.rows.covariates, action=known.rows.action, seed=seed
+        known.modes, known.mode_scores(extended), columns, action=known.rows.action, seed=seed
     )
-    suspected = tuple(name for name, p in decided.probability.items() if p < rule.established)
-    return Result(decided, gains, suspected, base_losses, extended_losses, floor, structure)
+    return Result(
+        extended=extended,
+        established=tuple(finding(name) for name in sure),
+        suspected=tuple(finding(name) for name in decided.probability if name not in sure),
+        decided=decided,
+        base_losses=base_losses,
+        extended_losses=extended_losses,
+        floor=floor,
+        structure=structure,
+    )
+
+
+def values_with_errors(problem: Problem[M], model: M, cause: str) -> dict[str, tuple[float, float]]:
+    """Each quantity of a fitted cause with its standard error, in its unit."""
+    columns = columns_of(problem, model, cause)
+    spread = np.sqrt(np.maximum(np.diag(covariance(problem.linearise(model, ())))[columns], 0.0))
+    return {
+        q.name: (float(value) * q.typical, float(error) * q.typical)
+        for q, value, error in zip(problem.causes[cause].quantities, model.vector[columns], spread, strict=True)
+    }

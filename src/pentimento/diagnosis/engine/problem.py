@@ -115,6 +115,9 @@ class Problem(Protocol[M]):
     def pick(self, rows: Array) -> Self:
         """The problem with some rows."""
 
+    def prepared(self) -> Self:
+        """The problem after choices that its fits need and that its own rows make, such as weights."""
+
     def fit(self, causes: Sequence[str], start: M | None = None) -> M:
         """The base with these causes, fitted to the rows.
 

@@ -77,6 +77,10 @@ class SimulatorProblem:
         """See ``Problem``."""
         return replace(self, index=self.index[rows])
 
+    def prepared(self) -> Self:
+        """Nothing to choose."""
+        return self
+
     def fit(self, causes: Sequence[str], start: FittedSimulator | None = None) -> FittedSimulator:
         """See ``Problem``."""
         model = self._started(tuple(causes), start)

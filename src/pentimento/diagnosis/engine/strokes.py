@@ -52,7 +52,7 @@ class StrokeProblem:
 
     measured: Measured
     base: Model
-    """Fitted without causes; it has chosen how paint mixes."""
+    """Without causes; fitted by ``prepared``, which also chooses how paint mixes."""
     mechanisms: Mapping[str, Mechanism]
     """Of each cause, with all quantities 0."""
     causes: Mapping[str, Cause]
@@ -69,6 +69,11 @@ class StrokeProblem:
     def pick(self, rows: Array) -> Self:
         """See ``Problem``."""
         return replace(self, measured=self.measured.pick(rows))
+
+    def prepared(self) -> Self:
+        """Weights of the strokes, and the base's power of light in which paint mixes."""
+        base = choose_mixing(fit(first_model(self.measured), self.measured), self.measured, self.seed)
+        return replace(self, base=base, measured=huber_weighted(self.measured, base))
 
     def fit(self, causes: Sequence[str], start: FittedStrokes | None = None) -> FittedStrokes:
         """See ``Problem``."""
@@ -117,9 +122,8 @@ class StrokeProblem:
 def stroke_problem(measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int) -> StrokeProblem:
     """The problem of measured strokes."""
     seen, _ = observable_causes((*vocabulary, UnevenEnds), measured.context)
-    base = choose_mixing(fit(first_model(measured), measured), measured, seed)
     causes = {name: _cause(mechanism) for name, mechanism in seen.items()}
-    return StrokeProblem(huber_weighted(measured, base), base, seen, causes, seed)
+    return StrokeProblem(measured, first_model(measured), seen, causes, seed)
 
 
 def _cause(mechanism: Mechanism) -> Cause:
