@@ -47,7 +47,8 @@ coverage: env
 
 licences: env
 	( printf '# Licences\n\nOf what `make env` installs, as the packages themselves say; written by `make licences`.\n\n' && \
-	$(BIN)/pip-licenses --from=mixed --with-system --format=markdown --ignore-packages pentimento setuptools ) > docs/licences.md
+	$(BIN)/pip-licenses --from=mixed --with-system --format=markdown --ignore-packages pentimento setuptools | \
+	grep -v '^|  *|' ) > docs/licences.md
 
 check: env
 	$(BIN)/ruff format --check .
@@ -82,7 +83,7 @@ $(STAMP):
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
 	find .venv/lib -name '*.dist-info' -prune ! -exec test -e {}/RECORD \; -exec rm -rf {} +
 	$(PIP_INSTALL) --quiet -c constraints.txt pip
-	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,voice,dev]"
+	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,voice,arm,dev]"
 	$(BIN)/python -m compileall -q -j 0 -x py312_intrinsics .venv/lib # PyTorch ships that one for later Pythons only
 	rm -f .venv/.installed-*
 	touch $@

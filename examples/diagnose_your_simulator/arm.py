@@ -16,6 +16,7 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from examples.diagnose_your_simulator.robot import MODEL, STEP_S
+from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
 from pentimento.diagnosis.engine.simulator import Parameter, SimulatorProblem
 
@@ -46,8 +47,11 @@ _SETTLE = 150  # steps of rest before the log begins
 
 def problem(log: Path, seed: int = 0) -> SimulatorProblem:
     """The problem of an arm's log (`robot.make_log`)."""
-    with np.load(log) as columns:
-        return problem_of(dict(columns), seed)
+    try:
+        with np.load(log) as columns:
+            return problem_of(dict(columns), seed)
+    except (OSError, ValueError, KeyError) as error:
+        raise ContractError(f"{log} is no log of the arm ({error}); make one with robot.py.") from error
 
 
 def problem_of(log: Mapping[str, Array], seed: int) -> SimulatorProblem:

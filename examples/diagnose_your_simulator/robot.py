@@ -39,7 +39,8 @@ def make_log(fault: str, seed: int, strength: float) -> dict[str, Array]:
         strength: of the fault; 1 is clearly visible.
 
     Returns:
-        Columns by name: ``commanded_rad`` and ``measured_rad`` [B, T, 2], ``action``, ``block``, ``turn`` and covariates [B].
+        Columns by name: ``commanded_rad`` and ``measured_rad`` [B, T, 2]; ``action``, ``block``, ``turn`` and
+        covariates [B].
 
     Raises:
         ConfigError: no such fault.

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pentimento.cli import Command, option, seed, workshop
+from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -20,7 +22,9 @@ if TYPE_CHECKING:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    if (arguments.kind or _kind_of(arguments.rows)) == "pushes":
+    if arguments.problem is not None:
+        _diagnose_problem(arguments)
+    elif (arguments.kind or _kind_of(arguments.rows)) == "pushes":
         _diagnose_pushes(arguments)
     else:
         _diagnose_strokes(arguments)
@@ -55,6 +59,42 @@ def _diagnose_pushes(arguments: argparse.Namespace) -> None:
     )
     print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
     print(f"The report is {arguments.out / 'report.html'}.")
+
+
+def _diagnose_problem(arguments: argparse.Namespace) -> None:
+    """Diagnose a simulator of the user's own (docs/diagnose_your_simulator.md)."""
+    with workshop("diagnose"):
+        from pentimento.diagnosis.engine.decision import default_decision
+        from pentimento.diagnosis.engine.diagnose import diagnose
+        from pentimento.diagnosis.engine.rule import DecisionRule
+        from pentimento.diagnosis.engine.verdict import verdict
+    problem = _factory(arguments.problem)(arguments.rows, arguments.seed)
+    found = diagnose(problem, default_decision(), DecisionRule(), seed=arguments.seed, log=_progress)
+    content = verdict(found, problem.unit)
+    atomic_write(arguments.out / "verdict.json", (json.dumps(content, indent=1) + "\n").encode())
+    print(content["sentence"])
+    print(f"The verdict is {arguments.out / 'verdict.json'}.")
+
+
+def _factory(name: str) -> Callable[[Path, int], Any]:
+    """The function `module:function`, from the current folder or an installed package.
+
+    Raises:
+        ConfigError: it cannot be found.
+    """
+    module, _, function = name.partition(":")
+    if not module or not function:
+        raise ConfigError(f"--problem {name} is not of the form module:function, such as my_arm:problem.")
+    sys.path.insert(0, str(Path.cwd()))
+    try:
+        found = getattr(importlib.import_module(module), function, None)
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"--problem {name} cannot be imported: {error}. Start from the folder of {module}."
+        ) from error
+    if not callable(found):
+        raise ConfigError(f"--problem {name}: the module {module} has no function {function}.")
+    return found
 
 
 def _left_out(checked: CheckedTable) -> str | None:
@@ -138,6 +178,9 @@ def _progress(line: str) -> None:
 
 
 def _problem(arguments: argparse.Namespace) -> str | None:
+    for_tables = ("kind", "base", "test", "collect", "world")
+    if arguments.problem is not None and (given := [f"--{n}" for n in for_tables if getattr(arguments, n)]):
+        return f"{', '.join(given)} is for strokes or pushes; leave it out with --problem."
     if arguments.collect < 0 or (arguments.world is not None and arguments.collect == 0):
         return "--collect takes a number of rounds, 1 or more, and --world needs it."
     return None
@@ -150,6 +193,12 @@ COMMAND = Command(
         option("rows", type=Path, help="a table in the strokes or the pushes contract: a file, or a folder of shards"),
         option("--out", required=True, type=Path, help="folder for verdict.json, report.html and more"),
         option("--kind", choices=("strokes", "pushes"), help="what the rows are; by default by the table's columns"),
+        option(
+            "--problem",
+            metavar="MODULE:FUNCTION",
+            help="a simulator of your own: a function of the file and the seed that returns its problem "
+            "(docs/diagnose_your_simulator.md)",
+        ),
         option(
             "--base",
             type=Path,

@@ -1,4 +1,5 @@
-"""Diagnosis in three steps: search on the discovery split, decide with the confirmation split, report on the test split.
+"""Diagnosis in three steps: search on the discovery split, decision with the confirmation split, report on the test
+split.
 
 ``decide`` gets a problem without the test rows, so that no decision can depend on them.
 """
@@ -94,7 +95,13 @@ def diagnose(
 
 
 def decide(
-    known: Problem[M], confirmation: Array, decision: Decision, rule: DecisionRule, *, seed: int, log: Callable[[str], None]
+    known: Problem[M],
+    confirmation: Array,
+    decision: Decision,
+    rule: DecisionRule,
+    *,
+    seed: int,
+    log: Callable[[str], None],
 ) -> tuple[Decided[M], Problem[M], Callable[[Problem[M]], Problem[M]]]:
     """Search for causes on the discovery split and decide about each with the confirmation split.
 
@@ -151,9 +158,7 @@ def report(decided: Decided[M], known: Problem[M], test: Problem[M], rule: Decis
         )  # fmt: skip
 
     columns = known.rows.covariates
-    structure = find_structure(
-        known.modes, known.mode_scores(extended), columns, action=known.rows.action, seed=seed
-    )
+    structure = find_structure(known.modes, known.mode_scores(extended), columns, action=known.rows.action, seed=seed)
     return Result(
         extended=extended,
         established=tuple(finding(name) for name in sure),

@@ -2,7 +2,7 @@
 
 Every number has one vote an action. The score of a cause in action i is u_i = s_i d + d A_i d, where d are its fitted
 values, s_i and A_i the action's slope and curvature at the fitted model with all other parameters projected out. It is
-the score against "no effect". a_i = u_i / (d A_i d) is the amount of the effect in that action, 1 where it is as fitted.
+the score against "no effect". a_i = u_i / (d A_i d) is the amount of the effect in that action; 1 is as fitted.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ class Evidence(NamedTuple):
     """Error of the model over the noise floor; 1 where the floor is unknown."""
 
 
-def evidence_for(problem: Problem[M], model: M, confirmation: Array, rule: DecisionRule, seed: int) -> dict[str, Evidence]:
+def evidence_for(
+    problem: Problem[M], model: M, confirmation: Array, rule: DecisionRule, seed: int
+) -> dict[str, Evidence]:
     """Evidence for each cause of a model.
 
     Args:

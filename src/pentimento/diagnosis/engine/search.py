@@ -6,7 +6,6 @@ The search is liberal: it proposes causes, and the decision accepts or rejects t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -151,9 +150,7 @@ def simplest_of_the_best(
     return min(tied, key=lambda name: (len(problem.causes[name].quantities), float(losses[name].mean())))
 
 
-def without_needless(
-    problem: Problem[M], model: M, rule: DecisionRule, *, seed: int, log: Callable[[str], None]
-) -> M:
+def without_needless(problem: Problem[M], model: M, rule: DecisionRule, *, seed: int, log: Callable[[str], None]) -> M:
     """The model without causes that it no longer needs beside its last one, or whose values became impossible."""
     for name in model.causes[:-1]:
         refit = problem.fit([other for other in model.causes if other != name], model)

@@ -130,9 +130,7 @@ class SimulatorProblem:
         amounts = np.einsum("pbn,bn->bp", slopes, rest) / rest.shape[1] / np.maximum(energy, 1e-300)
         return ModeScores(amounts, energy, float(np.square(rest).mean()))
 
-    def learn_residual(
-        self, model: FittedSimulator, candidates: Sequence[str]
-    ) -> tuple[Self, Callable[[Self], Self]]:
+    def learn_residual(self, model: FittedSimulator, candidates: Sequence[str]) -> tuple[Self, Callable[[Self], Self]]:
         """No learned model."""
         return self, lambda other: other
 

@@ -105,9 +105,7 @@ class StrokeProblem:
         """See ``Problem``."""
         return mode_scores(model.model, self.measured)
 
-    def learn_residual(
-        self, model: FittedStrokes, candidates: Sequence[str]
-    ) -> tuple[Self, Callable[[Self], Self]]:
+    def learn_residual(self, model: FittedStrokes, candidates: Sequence[str]) -> tuple[Self, Callable[[Self], Self]]:
         """See ``Problem``."""
         others = [self.mechanisms[name] for name in candidates]
         rows = np.arange(len(self.measured))

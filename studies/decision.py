@@ -1,0 +1,129 @@
+"""Fits the weights by which the diagnosis turns evidence into a probability: `python -m studies.decision`.
+
+Worlds with known causes are simulated: strokes of the virtual studio, motions of the example's arm. Every cause that the
+search proposes is a training example; its label says whether the world hides it. The seeds serve nothing else. Worlds that are in `data/studies/decision/` already are not made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import brier_score_loss
+from threadpoolctl import threadpool_limits
+
+from examples.diagnose_your_simulator.arm import problem_of
+from examples.diagnose_your_simulator.robot import FAULTS, make_log
+from pentimento.contracts.atomic import atomic_write
+from pentimento.diagnosis.engine.decision import FEATURES, default_decision, features
+from pentimento.diagnosis.engine.diagnose import diagnose
+from pentimento.diagnosis.engine.evidence import Evidence
+from pentimento.diagnosis.engine.problem import Problem
+from pentimento.diagnosis.engine.rule import DecisionRule
+from pentimento.diagnosis.engine.strokes import stroke_problem
+from pentimento.diagnosis.strokes.measured import load_measured
+from pentimento.diagnosis.strokes.quarantine import usable_rows
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from studies.blind.kinds import kind_of
+from studies.blind.series import Stratum
+
+Array = NDArray[Any]
+
+_FIRST_SEED = 77_000_000
+_STRATA: tuple[Stratum, ...] = ("one", "none", "two", "one", "outside", "one")
+"""Of the worlds of strokes, in turn."""
+_FAINT = {3: 0.05, 5: 0.1}
+"""Wanted q of some of them."""
+WEIGHTS = Path("src/pentimento/diagnosis/engine/decision.json")
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m studies.decision", description=__doc__)
+    parser.add_argument("--strokes", type=int, default=60, help="number of worlds of strokes")
+    parser.add_argument("--arms", type=int, default=40, help="number of worlds of the arm")
+    parser.add_argument("--out", type=Path, default=Path("data/studies/decision"))
+    given = parser.parse_args()
+    for index in range(given.strokes):
+        _keep(given.out / "strokes" / f"{index}.json", lambda index=index: strokes_world(index))
+    for index in range(given.arms):
+        _keep(given.out / "arm" / f"{index}.json", lambda index=index: arm_world(index))
+    kinds = {kind: _examples(given.out / kind) for kind in ("strokes", "arm")}
+    for kind, (rows, labels) in kinds.items():
+        rest = [examples for other, examples in kinds.items() if other != kind]
+        left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))
+        brier = brier_score_loss(labels, left_out.predict_proba(rows)[:, 1])
+        print(f"{kind}, left out of the fit: Brier score {brier:.3f} of {len(labels)}")
+    rows, labels = (np.concatenate(parts) for parts in zip(*kinds.values(), strict=True))
+    model = fitted(rows, labels)
+    content = {
+        "intercept": float(model.intercept_[0]),
+        "weights": {name: float(weight) for name, weight in zip(FEATURES, model.coef_[0], strict=True)},
+        "examples": len(labels),
+        "true": int(labels.sum()),
+        "sha256": hashlib.sha256(rows.tobytes() + labels.tobytes()).hexdigest(),
+    }
+    atomic_write(WEIGHTS, (json.dumps(content, indent=1) + "\n").encode())
+    print(f"{WEIGHTS}: {len(labels)} examples, {int(labels.sum())} of them true")
+
+
+def fitted(rows: Array, labels: Array) -> LogisticRegression:
+    """The regression, with an L2 penalty on features of equal spread."""
+    spread = np.maximum(rows.std(0), 1e-6)
+    model = LogisticRegression(C=1.0, max_iter=2000).fit(rows / spread, labels)
+    model.coef_ = model.coef_ / spread
+    return model
+
+
+def strokes_world(index: int) -> dict[str, Any] | None:
+    """Evidence of a world of strokes; None where it cannot be made."""
+    kind, place = kind_of("strokes"), index % len(_STRATA)
+    try:
+        sketch = kind.sketch(_STRATA[place], _FIRST_SEED + index, None, _FAINT.get(place))
+        table, truth = kind.make(sketch)
+    except kind.cannot_be_made:
+        return None
+    with threadpool_limits(1):
+        problem = stroke_problem(load_measured(usable_rows(table).table), VOCABULARY, 0)
+        return _evidence(problem, truth.causes)
+
+
+def arm_world(index: int) -> dict[str, Any]:
+    """Evidence of a world of the example's arm."""
+    fault, seed = FAULTS[index % len(FAULTS)], _FIRST_SEED + index
+    strength = float(np.exp(np.random.default_rng([seed, 9]).uniform(np.log(0.5), np.log(2.0))))
+    return _evidence(problem_of(make_log(fault, seed, strength), 0), () if fault == "nothing" else (fault,))
+
+
+def _evidence(problem: Problem[Any], truth: tuple[str, ...]) -> dict[str, Any]:
+    found = diagnose(problem, default_decision(), DecisionRule(), seed=0, log=lambda line: None).decided
+    named = {name: e._asdict() for name, e in found.evidence.items() if problem.causes[name].named}
+    return {"truth": list(truth), "evidence": named}
+
+
+def _keep(path: Path, make: Callable[[], dict[str, Any] | None]) -> None:
+    if not path.exists():
+        atomic_write(path, json.dumps(make()).encode())
+        print(path, flush=True)
+
+
+def _examples(folder: Path) -> tuple[Array, Array]:
+    """Features [n, F] and labels [n] of all proposed causes."""
+    rows, labels = [], []
+    for path in sorted(folder.glob("*.json")):
+        world = json.loads(path.read_text())
+        for name, evidence in world["evidence"].items() if world else ():
+            rows.append(features(Evidence(**evidence)))
+            labels.append(name in world["truth"])
+    return np.array(rows), np.array(labels)
+
+
+if __name__ == "__main__":
+    main()
