@@ -21,7 +21,6 @@ FAULTS: Final = ("nothing", "backlash", "sensor_delay", "dry_friction", "link_ma
 STEP_S: Final = 0.004
 """Of commands and of the log."""
 _STEPS = 150
-_SUBSTEPS = 1
 _SINGLE, _REPEATED, _TIMES = 64, 16, 2
 _NOISE_RAD = 4e-4
 """Standard deviation of a reading."""
@@ -49,7 +48,6 @@ def make_log(fault: str, seed: int, strength: float) -> dict[str, Array]:
         raise ConfigError(f"There is no fault {fault!r}; the robot knows {', '.join(FAULTS)}.")
     rng = np.random.default_rng([seed, 1])
     model = mujoco.MjModel.from_xml_path(str(MODEL))
-    model.opt.timestep = STEP_S / _SUBSTEPS
     gains = np.exp(0.08 * rng.standard_normal(2))
     model.actuator_gainprm[:, 0] *= gains
     model.actuator_biasprm[:, 1] *= gains
@@ -106,20 +104,16 @@ def _execute(
     data = mujoco.MjData(model)
     data.qpos[:] = command[0]
     error_nm = _TORQUE_NOISE_NM * rng.standard_normal(2)
-    bristle = np.zeros(2)
     true = np.empty((len(command), 2))
     settle = [command[0]] * 150  # .6 s of rest before the log begins
     for k, target in enumerate([*settle, *command]):
-        for _ in range(_SUBSTEPS):
-            data.ctrl[:] = target
-            velocity = data.qvel
-            data.qfrc_applied[:] = error_nm - drag * velocity * np.abs(velocity)
-            if fault == "dry_friction":  # LuGre: bristles that bend until they slip
-                size = strength * np.array([0.8, 0.5])
-                rate = velocity - 400 * np.abs(velocity) * bristle
-                bristle = bristle + model.opt.timestep * rate
-                data.qfrc_applied[:] -= size * (400 * bristle + 0.3 * rate)
-            mujoco.mj_step(model, data)
+        data.ctrl[:] = target
+        velocity = data.qvel
+        data.qfrc_applied[:] = error_nm - drag * velocity * np.abs(velocity)
+        if fault == "dry_friction":  # Stribeck: it falls as the joint moves faster
+            size = strength * np.array([0.8, 0.5])
+            model.dof_frictionloss[:] = size * (0.7 + 0.6 * np.exp(-np.abs(velocity) / 0.3))
+        mujoco.mj_step(model, data)
         if k >= len(settle):
             true[k - len(settle)] = data.qpos
     if fault == "backlash":  # the sensor's gear has play with soft flanks, which push the harder the farther they bend

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.engine.problem import Cause, Rows
 from pentimento.diagnosis.evaluation import Floor, floor_of_repeats
 from pentimento.diagnosis.gauss_newton import Statistics, by_action, damped_step
@@ -82,11 +83,20 @@ class SimulatorProblem:
         return self
 
     def fit(self, causes: Sequence[str], start: FittedSimulator | None = None) -> FittedSimulator:
-        """See ``Problem``."""
+        """See ``Problem``.
+
+        Raises:
+            ContractError: measured or predicted values are not finite.
+        """
         model = self._started(tuple(causes), start)
         hold, low = self._prior(model), self._lowest(model)
         free = np.full(len(model.vector), np.inf)
         loss = self._cost(model, hold)
+        if not np.isfinite(loss):
+            raise ContractError(
+                f"At {self.values(model)} the simulator predicts values that are not finite, or the log holds such "
+                "values; mend them, or start from other parameters."
+            )
         damping = 1e-3
         for _ in range(_ITERATIONS):
             statistics = self._statistics(model)
