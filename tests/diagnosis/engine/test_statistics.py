@@ -46,7 +46,7 @@ def test_every_split_has_whole_actions_and_repeats() -> None:
     assert sorted(np.concatenate(parts).tolist()) == list(range(len(action)))
     of_action = [set(action[part].tolist()) for part in parts]
     assert not of_action[0] & of_action[1] and not of_action[0] & of_action[2] and not of_action[1] & of_action[2]
-    assert [sum(a >= 60 for a in own) for own in of_action] == [12, 4, 4]
+    assert [sum(a >= 60 for a in own) for own in of_action] == [5, 5, 10]
     assert [sum(a < 60 for a in own) for own in of_action] == [36, 12, 12]
 
 

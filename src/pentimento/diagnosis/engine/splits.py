@@ -14,6 +14,8 @@ Array = NDArray[Any]
 
 _SHARES = (0.6, 0.2)
 """Of discovery and confirmation; the test split has the rest."""
+_REPEATED = (0.25, 0.25)
+"""The same of repeated actions. Half of them go to the test split, whose noise floor is reported."""
 FEWEST_ACTIONS = 15
 """Three in each of the smaller splits."""
 
@@ -27,7 +29,7 @@ class Splits(NamedTuple):
 
 
 def split(rows: Rows, seed: int) -> Splits:
-    """Split the rows by action. Repeated actions are shared out like single ones, so that each split has a noise floor.
+    """Split the rows by action. Each split gets repeated actions, so that it has a noise floor.
 
     Single actions of one block stay together as far as the shares allow.
 
@@ -46,8 +48,8 @@ def split(rows: Rows, seed: int) -> Splits:
     single = sorted(np.flatnonzero(count == 1), key=lambda i: order[block[i]])
     repeated = rng.permutation(np.flatnonzero(count > 1))
     part = np.empty(len(actions), dtype=int)
-    for group in (np.array(single, dtype=int), repeated):
-        ends = np.round(np.cumsum(_SHARES) * len(group)).astype(int)
+    for group, shares in ((np.array(single, dtype=int), _SHARES), (repeated, _REPEATED)):
+        ends = np.round(np.cumsum(shares) * len(group)).astype(int)
         part[group] = np.searchsorted(ends, np.arange(len(group)), side="right")
     of_row = part[np.searchsorted(actions, rows.action)]
     return Splits(*(np.flatnonzero(of_row == k) for k in range(3)))
