@@ -1,6 +1,6 @@
 """Fits the weights by which the diagnosis turns evidence into a probability: `python -m studies.decision`.
 
-Worlds with known causes are simulated: strokes of the virtual studio, motions of the example's arm. Every cause that the
+Worlds with known causes are simulated: strokes and pushes of the virtual studio, motions of the example's arm. Every cause that the
 search proposes is a training example; its label says whether the world hides it. The seeds serve nothing else. Worlds that are in `data/studies/decision/` already are not made again.
 """
 
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import brier_score_loss
@@ -26,19 +27,22 @@ from pentimento.diagnosis.engine.decision import FEATURES, default_decision, fea
 from pentimento.diagnosis.engine.diagnose import diagnose
 from pentimento.diagnosis.engine.evidence import Evidence
 from pentimento.diagnosis.engine.problem import Problem
+from pentimento.diagnosis.engine.pushes import push_problem
 from pentimento.diagnosis.engine.rule import DecisionRule
 from pentimento.diagnosis.engine.strokes import stroke_problem
+from pentimento.diagnosis.pushes.write import usable
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.quarantine import usable_rows
-from pentimento.dynamics.strokes.mechanisms import VOCABULARY
-from studies.blind.kinds import kind_of
+from pentimento.dynamics.pushes.mechanisms import VOCABULARY as PUSH_CAUSES
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY as STROKE_CAUSES
+from studies.blind.kinds import KindName, kind_of
 from studies.blind.series import Stratum
 
 Array = NDArray[Any]
 
 _FIRST_SEED = 77_000_000
 _STRATA: tuple[Stratum, ...] = ("one", "none", "two", "one", "outside", "one")
-"""Of the worlds of strokes, in turn."""
+"""Of the worlds of strokes and pushes, in turn."""
 _FAINT = {3: 0.05, 5: 0.1}
 """Wanted q of some of them."""
 WEIGHTS = Path("src/pentimento/diagnosis/engine/decision.json")
@@ -48,14 +52,17 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.decision", description=__doc__)
     parser.add_argument("--strokes", type=int, default=60, help="number of worlds of strokes")
+    parser.add_argument("--pushes", type=int, default=30, help="number of worlds of pushes")
     parser.add_argument("--arms", type=int, default=40, help="number of worlds of the arm")
     parser.add_argument("--out", type=Path, default=Path("data/studies/decision"))
     given = parser.parse_args()
     for index in range(given.strokes):
         _keep(given.out / "strokes" / f"{index}.json", lambda index=index: strokes_world(index))
+    for index in range(given.pushes):
+        _keep(given.out / "pushes" / f"{index}.json", lambda index=index: pushes_world(index))
     for index in range(given.arms):
         _keep(given.out / "arm" / f"{index}.json", lambda index=index: arm_world(index))
-    kinds = {kind: _examples(given.out / kind) for kind in ("strokes", "arm")}
+    kinds = {kind: _examples(given.out / kind) for kind in ("strokes", "pushes", "arm")}
     for kind, (rows, labels) in kinds.items():
         rest = [examples for other, examples in kinds.items() if other != kind]
         left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))
@@ -84,15 +91,26 @@ def fitted(rows: Array, labels: Array) -> LogisticRegression:
 
 def strokes_world(index: int) -> dict[str, Any] | None:
     """Evidence of a world of strokes; None where it cannot be made."""
-    kind, place = kind_of("strokes"), index % len(_STRATA)
+
+    def problem(table: pa.Table) -> Problem[Any]:
+        return stroke_problem(load_measured(usable_rows(table).table), STROKE_CAUSES, 0)
+
+    return _studio_world("strokes", index, problem)
+
+
+def pushes_world(index: int) -> dict[str, Any] | None:
+    """Evidence of a world of pushes; None where it cannot be made."""
+    return _studio_world("pushes", index, lambda table: push_problem(usable(table)[0], PUSH_CAUSES, 0))
+
+
+def _studio_world(name: KindName, index: int, problem: Callable[[pa.Table], Problem[Any]]) -> dict[str, Any] | None:
+    kind, place = kind_of(name), index % len(_STRATA)
     try:
-        sketch = kind.sketch(_STRATA[place], _FIRST_SEED + index, None, _FAINT.get(place))
-        table, truth = kind.make(sketch)
+        table, truth = kind.make(kind.sketch(_STRATA[place], _FIRST_SEED + index, None, _FAINT.get(place)))
     except kind.cannot_be_made:
         return None
     with threadpool_limits(1):
-        problem = stroke_problem(load_measured(usable_rows(table).table), VOCABULARY, 0)
-        return _evidence(problem, truth.causes)
+        return _evidence(problem(table), truth.causes)
 
 
 def arm_world(index: int) -> dict[str, Any]:

@@ -1,0 +1,129 @@
+"""Measured pushes as a problem of the diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
+from pentimento.diagnosis.evaluation import Floor
+from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.pushes.fit import equalised, fit
+from pentimento.diagnosis.pushes.floor import noise_floor
+from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
+from pentimento.diagnosis.pushes.learned_residual import learn_residual
+from pentimento.diagnosis.pushes.measured import MeasuredPushes
+from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
+from pentimento.diagnosis.pushes.search import observable_causes
+from pentimento.diagnosis.residual_structure import ModeScores
+from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model
+from pentimento.dynamics.pushes.mechanisms import Mechanism
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class FittedPushes:
+    """A push model as the engine sees it."""
+
+    model: AnalyticPush
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Names, in the order of their parameters."""
+        return tuple(m.cause for m in self.model.mechanisms)
+
+    @property
+    def vector(self) -> Array:
+        """[P] parameters."""
+        return self.model.vector
+
+
+@dataclass(frozen=True, eq=False)
+class PushProblem:
+    """Measured pushes and the analytic push model."""
+
+    measured: MeasuredPushes
+    base: AnalyticPush
+    """Without causes; fitted by ``prepared``."""
+    mechanisms: Mapping[str, Mechanism]
+    """Of each cause, with all quantities 0."""
+    causes: Mapping[str, Cause]
+    seed: int
+    unit: str = "mm²"
+    modes: tuple[str, ...] = MODES
+
+    @property
+    def rows(self) -> Rows:
+        """See ``Problem``."""
+        m = self.measured
+        return Rows(m.action, m.block, m.turn, varying_covariates(m))
+
+    def pick(self, rows: Array) -> Self:
+        """See ``Problem``."""
+        return replace(self, measured=self.measured.pick(rows))
+
+    def prepared(self) -> Self:
+        """Weights of the pixels by the errors of the fitted base."""
+        base = fit(first_model(self.measured.scene), self.measured)
+        return replace(self, base=base, measured=equalised(self.measured, base))
+
+    def fit(self, causes: Sequence[str], start: FittedPushes | None = None) -> FittedPushes:
+        """See ``Problem``."""
+        model = self.base if start is None else start.model
+        model = model.without(*(m.cause for m in model.mechanisms if m.cause not in causes))
+        taken = {m.cause for m in model.mechanisms}
+        model = model.plus(*(self.mechanisms[name] for name in causes if name not in taken))
+        # A base that was bent by a large cause takes many iterations to come back.
+        starts = {id(each): each for each in (model, replace(model, base=self.base.base))}
+        best = min(starts.values(), key=lambda each: float(action_losses(each, self.measured).mean()))
+        return FittedPushes(fit(best, self.measured))
+
+    def losses(self, model: FittedPushes) -> Array:
+        """See ``Problem``."""
+        return action_losses(model.model, self.measured)
+
+    def linearise(self, model: FittedPushes, candidates: Sequence[str]) -> Statistics:
+        """See ``Problem``."""
+        return linearise(model.model.plus(*(self.mechanisms[name] for name in candidates)), self.measured)
+
+    def floor(self, model: FittedPushes) -> Floor | None:
+        """See ``Problem``."""
+        return noise_floor(model.model, self.measured, self.seed)
+
+    def mode_scores(self, model: FittedPushes) -> ModeScores:
+        """See ``Problem``."""
+        return mode_scores(model.model, self.measured)
+
+    def learn_residual(self, model: FittedPushes, candidates: Sequence[str]) -> tuple[Self, Callable[[Self], Self]]:
+        """See ``Problem``."""
+        others = [self.mechanisms[name] for name in candidates]
+        rows = np.arange(len(self.measured))
+        learned, measured = learn_residual(self.measured, model.model, rows, candidates=others, seed=self.seed)
+
+        def predict(other: Self) -> Self:
+            of_other = learned.of(other.measured)
+            return replace(other, measured=replace(of_other, weight=np.ones_like(of_other.weight)))
+
+        return replace(self, measured=equalised(measured, model.model)), predict
+
+
+def push_problem(measured: MeasuredPushes, vocabulary: Sequence[type[Mechanism]], seed: int) -> PushProblem:
+    """The problem of measured pushes."""
+    seen, _ = observable_causes(measured, vocabulary)
+    causes = {name: _cause(mechanism) for name, mechanism in seen.items()}
+    return PushProblem(measured, first_model(measured.scene), seen, causes, seed)
+
+
+def _cause(mechanism: Mechanism) -> Cause:
+    return Cause(
+        name=mechanism.cause,
+        quantities=tuple(Quantity(*q) for q in mechanism.quantities),
+        covariates=mechanism.informative_covariates,
+        family=mechanism.driving_covariate,
+        signature=mechanism.signature,
+    )
