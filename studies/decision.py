@@ -1,7 +1,8 @@
 """Fits the weights by which the diagnosis turns evidence into a probability: `python -m studies.decision`.
 
-Worlds with known causes are simulated: strokes and pushes of the virtual studio, motions of the example's arm. Every cause that the
-search proposes is a training example; its label says whether the world hides it. The seeds serve nothing else. Worlds that are in `data/studies/decision/` already are not made again.
+Worlds with known causes are simulated: strokes and pushes of the virtual studio, motions of the example's arm. Every
+cause that the search proposes is a training example; its label says whether the world hides it. The seeds serve nothing
+else. Worlds that are in `data/studies/decision/` already are not made again.
 """
 
 from __future__ import annotations
