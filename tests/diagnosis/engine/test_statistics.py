@@ -59,5 +59,6 @@ def test_too_few_actions_end_in_a_sentence() -> None:
 def test_a_cause_allows_what_its_signs_and_its_own_rule_allow() -> None:
     one_way = Cause("lag", (Quantity("distance", "m", 1e-3, signed=False),))
     assert one_way.allows(np.array([0.1])) and not one_way.allows(np.array([-0.1]))
+    assert not one_way.allows(np.zeros(1))
     lens = Cause("lens", (Quantity("a", "1", 1.0), Quantity("b", "1", 1.0)), is_possible=lambda v: bool(v[0] > v[1]))
     assert lens.allows(np.array([2.0, 1.0])) and not lens.allows(np.array([1.0, 2.0]))

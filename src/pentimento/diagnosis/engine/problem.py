@@ -49,9 +49,9 @@ class Cause:
     """Whether fitted values [Q], in typical sizes, make sense together; None: the signs decide."""
 
     def allows(self, values: Array) -> bool:
-        """Whether the fitted values [Q], in typical sizes, are possible."""
-        signs = all(q.signed or value >= 0 for q, value in zip(self.quantities, values, strict=True))
-        return signs and (self.is_possible is None or self.is_possible(values))
+        """Whether the fitted values [Q], in typical sizes, are possible, and not all 0."""
+        signs = np.any(values) and all(q.signed or value >= 0 for q, value in zip(self.quantities, values, strict=True))
+        return bool(signs) and (self.is_possible is None or self.is_possible(values))
 
 
 @dataclass(frozen=True)
