@@ -50,7 +50,7 @@ def problem(log: Path, seed: int = 0) -> SimulatorProblem:
     try:
         with np.load(log) as columns:
             return problem_of(dict(columns), seed)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, EOFError, ValueError, KeyError) as error:
         raise ContractError(f"{log} is no log of the arm ({error}); make one with robot.py.") from error
 
 
@@ -70,7 +70,7 @@ def problem_of(log: Mapping[str, Array], seed: int) -> SimulatorProblem:
 def predictor(commanded_rad: Array) -> Callable[[Array, Mapping[str, float]], Array]:
     """The simulator: indices of motions and parameter values to readings, mrad [B, 2 T]."""
 
-    @lru_cache(maxsize=16)
+    @lru_cache(maxsize=256)  # fits return to the same parameters often
     def joints(kp: tuple[float, ...], damping: tuple[float, ...], friction: tuple[float, ...], mass: float) -> Array:
         model = mujoco.MjModel.from_xml_path(str(MODEL))
         model.actuator_gainprm[:, 0] *= np.exp(kp)

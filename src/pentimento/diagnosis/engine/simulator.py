@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.engine.problem import Cause, Rows
 from pentimento.diagnosis.evaluation import Floor, floor_of_repeats
-from pentimento.diagnosis.gauss_newton import Statistics, by_action, damped_step
+from pentimento.diagnosis.gauss_newton import Statistics, by_action, damped_step, predicted_decrease
 from pentimento.diagnosis.residual_structure import ModeScores
 
 Array = NDArray[Any]
@@ -27,6 +27,8 @@ _STEP = 0.01
 _ITERATIONS = 12
 _ENOUGH = 1e-4
 """Relative decrease of the error below which a fit ends."""
+_NEARLY_LINEAR = 0.7
+"""Share of the predicted decrease of a step above which the derivatives serve the next step, too."""
 _PRIOR_WEIGHT = 1e-3
 """Cost of a parameter one typical size from its start, as a share of the error."""
 
@@ -97,9 +99,9 @@ class SimulatorProblem:
                 f"At {self.values(model)} the simulator predicts values that are not finite, or the log holds such "
                 "values; mend them, or start from other parameters."
             )
-        damping = 1e-3
+        damping, slopes = 1e-3, self._slopes(model)
         for _ in range(_ITERATIONS):
-            statistics = self._statistics(model)
+            statistics = self._statistics(model, slopes)
             for _ in range(6):
                 moved = damped_step(
                     model.vector, model.vector, statistics, damping=damping, hold=hold, bounds=(low, free)
@@ -111,9 +113,12 @@ class SimulatorProblem:
                 damping *= 10
             else:
                 return model
+            promised = predicted_decrease(candidate.vector - model.vector, model.vector, statistics, hold)
+            is_linear = loss - new > _NEARLY_LINEAR * promised
             gained, model, loss, damping = 1 - new / loss, candidate, new, damping / 10
             if gained < _ENOUGH:
                 break
+            slopes = slopes if is_linear else self._slopes(model)
         return model
 
     def losses(self, model: FittedSimulator) -> Array:
@@ -123,7 +128,7 @@ class SimulatorProblem:
     def linearise(self, model: FittedSimulator, candidates: Sequence[str]) -> Statistics:
         """See ``Problem``."""
         full = self._started((*model.causes, *candidates), model)
-        statistics = self._statistics(full)
+        statistics = self._statistics(full, self._slopes(full))
         return statistics._replace(curvature=statistics.curvature + self._prior(full))
 
     def floor(self, model: FittedSimulator) -> Floor | None:
@@ -175,8 +180,8 @@ class SimulatorProblem:
         moved = [self.predict(self.index, self.values(replace(model, vector=model.vector + step))) for step in steps]
         return np.stack([(there - here) / _STEP for there in moved])
 
-    def _statistics(self, model: FittedSimulator) -> Statistics:
-        slopes, rest = self._slopes(model), self._residual(model)
+    def _statistics(self, model: FittedSimulator, slopes: Array) -> Statistics:
+        rest = self._residual(model)
         width = rest.shape[1]
         curvature = np.einsum("pbn,qbn->bpq", slopes, slopes, optimize=True) / width
         slope = np.einsum("pbn,bn->bp", slopes, rest) / width
