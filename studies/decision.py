@@ -1,8 +1,9 @@
 """Fits the weights by which the diagnosis turns evidence into a probability: `python -m studies.decision`.
 
 Worlds with known causes are simulated: strokes and pushes of the virtual studio, motions of the example's arm. Every
-cause that the search proposes is a training example; its label says whether the world hides it. The seeds serve nothing
-else. Worlds that are in `data/studies/decision/` already are not made again.
+cause that the search proposes is a training example; its label says whether the world hides it. The search is more
+liberal than in a diagnosis, so that it proposes false causes, too. The seeds serve nothing else. Worlds that are in
+`data/studies/decision/` already are not made again.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ Array = NDArray[Any]
 _FIRST_SEED = 77_000_000
 _STRATA: tuple[Stratum, ...] = ("one", "none", "two", "one", "outside", "one")
 """Of the worlds of strokes and pushes, in turn."""
+_LIBERAL = DecisionRule(entry_p=0.3, small_share=0.003)
 _FAINT = {3: 0.05, 5: 0.1}
 """Wanted q of some of them."""
 WEIGHTS = Path("src/pentimento/diagnosis/engine/decision.json")
@@ -122,7 +124,7 @@ def arm_world(index: int) -> dict[str, Any]:
 
 
 def _evidence(problem: Problem[Any], truth: tuple[str, ...]) -> dict[str, Any]:
-    found = diagnose(problem, default_decision(), DecisionRule(), seed=0, log=lambda line: None).decided
+    found = diagnose(problem, default_decision(), _LIBERAL, seed=0, log=lambda line: None).decided
     named = {name: e._asdict() for name, e in found.evidence.items() if problem.causes[name].named}
     return {"truth": list(truth), "evidence": named}
 
