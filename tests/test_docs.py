@@ -19,10 +19,10 @@ from pipelines._imports import ROOT
 from pipelines._params import read_yaml
 
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")] + sorted((ROOT / "docs").glob("*.md"))
-CODE = ("src", "pipelines", "studies", "benchmarks", "tests")
+CODE = ("src", "pipelines", "studies", "examples", "benchmarks", "tests")
 OUTPUTS = ("data", "models")
 OURS = re.compile(
-    r"(?:\.venv/bin/)?(?:pentimento|make|dvc repro|python -m (?:pentimento|pipelines|studies|benchmarks)\b\S*)(?= |$)"
+    r"(?:\.venv/bin/)?(?:pentimento|make|dvc repro|python -m (?:pentimento|pipelines|studies|examples|benchmarks)\b\S*)(?= |$)"
 )
 PLACEHOLDER = re.compile(r"<[^>]*>|\$\{[^}]*\}|\b[A-Z]{2,}\b")
 
@@ -221,7 +221,7 @@ def test_a_wrong_path_is_noticed(path: str) -> None:
 @page
 def test_the_python_names_it_names_are_there(page: Path) -> None:
     _, spans = blocks_and_spans(page.read_text(encoding="utf-8"))
-    for name in filter(re.compile(r"(?:pentimento|pipelines|studies|benchmarks)(?:\.\w+)+").fullmatch, spans):
+    for name in filter(re.compile(r"(?:pentimento|pipelines|studies|examples|benchmarks)(?:\.\w+)+").fullmatch, spans):
         if not module_file(name).is_file():
             module, _, attribute = name.rpartition(".")
             assert hasattr(importlib.import_module(module), attribute), f"there is no {name}"

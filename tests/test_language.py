@@ -7,7 +7,7 @@ import pytest
 
 from pipelines._imports import ROOT
 
-FOLDERS = ("src", "pipelines", "studies", "benchmarks", "tests", "docs", "models", "profiles")
+FOLDERS = ("src", "pipelines", "studies", "examples", "benchmarks", "tests", "docs", "models", "profiles")
 SUFFIXES = {".py", ".md", ".toml", ".yaml", ".html", ".css", ".js"}
 # The glossary lists the words, licences.md names packages, and this file has the pattern.
 EXEMPT = {

@@ -10,7 +10,7 @@ import pytest
 from pentimento.goals3d.sources import GoalError, height_file_relief
 from pipelines._imports import PIPELINES, ROOT, SOURCES
 
-CODE = [*SOURCES, *PIPELINES, *sorted((ROOT / "studies").rglob("*.py"))]
+CODE = [*SOURCES, *PIPELINES, *sorted((ROOT / "studies").rglob("*.py")), *sorted((ROOT / "examples").rglob("*.py"))]
 UNPICKLING = {"pickle", "cPickle", "dill", "joblib", "cloudpickle", "shelve", "marshal"}
 
 
