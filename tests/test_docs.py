@@ -22,7 +22,8 @@ PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")
 CODE = ("src", "pipelines", "studies", "examples", "benchmarks", "tests")
 OUTPUTS = ("data", "models")
 OURS = re.compile(
-    r"(?:\.venv/bin/)?(?:pentimento|make|dvc repro|python -m (?:pentimento|pipelines|studies|examples|benchmarks)\b\S*)(?= |$)"
+    r"(?:\.venv/bin/)?(?:pentimento|make|dvc repro|"
+    r"python -m (?:pentimento|pipelines|studies|examples|benchmarks)\b\S*)(?= |$)"
 )
 PLACEHOLDER = re.compile(r"<[^>]*>|\$\{[^}]*\}|\b[A-Z]{2,}\b")
 
