@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from sklearn.linear_model import LogisticRegression
+from scipy.optimize import minimize
 from sklearn.metrics import brier_score_loss
 from threadpoolctl import threadpool_limits
 
 from examples.diagnose_your_simulator.arm import problem_of
 from examples.diagnose_your_simulator.robot import FAULTS, make_log
 from pentimento.contracts.atomic import atomic_write
-from pentimento.diagnosis.engine.decision import FEATURES, default_decision, features
+from pentimento.diagnosis.engine.decision import AGAINST, FEATURES, Decision, default_decision, features
 from pentimento.diagnosis.engine.diagnose import diagnose
 from pentimento.diagnosis.engine.evidence import Evidence
 from pentimento.diagnosis.engine.problem import Problem
@@ -45,6 +45,9 @@ Array = NDArray[Any]
 _FIRST_SEED = 77_000_000
 _STRATA: tuple[Stratum, ...] = ("one", "none", "two", "one", "outside", "one")
 """Of the worlds of strokes and pushes, in turn."""
+_PENALTY = 3.0
+"""Inverse of the L2 penalty. The leave-one-out Brier score of the first 56 examples is .038 for 1 and 3, and .039 for 10.
+"""
 _LIBERAL = DecisionRule(entry_p=0.3, small_share=0.003)
 _FAINT = {3: 0.05, 5: 0.1}
 """Wanted q of some of them."""
@@ -54,9 +57,9 @@ WEIGHTS = Path("src/pentimento/diagnosis/engine/decision.json")
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.decision", description=__doc__)
-    parser.add_argument("--strokes", type=int, default=60, help="number of worlds of strokes")
-    parser.add_argument("--pushes", type=int, default=30, help="number of worlds of pushes")
-    parser.add_argument("--arms", type=int, default=40, help="number of worlds of the arm")
+    parser.add_argument("--strokes", type=int, default=16, help="number of worlds of strokes")
+    parser.add_argument("--pushes", type=int, default=17, help="number of worlds of pushes")
+    parser.add_argument("--arms", type=int, default=10, help="number of worlds of the arm")
     parser.add_argument("--out", type=Path, default=Path("data/studies/decision"))
     given = parser.parse_args()
     for index in range(given.strokes):
@@ -69,13 +72,13 @@ def main() -> None:
     for kind, (rows, labels) in kinds.items():
         rest = [examples for other, examples in kinds.items() if other != kind]
         left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))
-        brier = brier_score_loss(labels, left_out.predict_proba(rows)[:, 1])
+        brier = brier_score_loss(labels, probabilities(left_out, rows))
         print(f"{kind}, left out of the fit: Brier score {brier:.3f} of {len(labels)}")
     rows, labels = (np.concatenate(parts) for parts in zip(*kinds.values(), strict=True))
     model = fitted(rows, labels)
     content = {
-        "intercept": float(model.intercept_[0]),
-        "weights": {name: float(weight) for name, weight in zip(FEATURES, model.coef_[0], strict=True)},
+        "intercept": model.intercept,
+        "weights": {name: float(weight) for name, weight in zip(FEATURES, model.weights, strict=True)},
         "examples": len(labels),
         "true": int(labels.sum()),
         "sha256": hashlib.sha256(rows.tobytes() + labels.tobytes()).hexdigest(),
@@ -84,12 +87,27 @@ def main() -> None:
     print(f"{WEIGHTS}: {len(labels)} examples, {int(labels.sum())} of them true")
 
 
-def fitted(rows: Array, labels: Array) -> LogisticRegression:
-    """The regression, with an L2 penalty on features of equal spread."""
+def fitted(rows: Array, labels: Array) -> Decision:
+    """The logistic regression, with an L2 penalty on features of equal spread. Every weight has the sign of its question:
+    evidence for a cause cannot count against it because two features are correlated."""
     spread = np.maximum(rows.std(0), 1e-6)
-    model = LogisticRegression(C=1.0, max_iter=2000).fit(rows / spread, labels)
-    model.coef_ = model.coef_ / spread
-    return model
+    signs = np.array([-1.0 if name in AGAINST else 1.0 for name in FEATURES])
+    scaled, outcome = rows / spread * signs, np.where(labels, 1.0, -1.0)
+
+    def cost(parameters: Array) -> float:
+        return float(
+            np.logaddexp(0, -outcome * (parameters[0] + scaled @ parameters[1:])).sum()
+            + np.square(parameters[1:]).sum() / (2 * _PENALTY)
+        )
+
+    bounds = [(None, None), *[(0.0, None)] * len(FEATURES)]
+    found = minimize(cost, np.zeros(1 + len(FEATURES)), bounds=bounds, method="L-BFGS-B").x
+    return Decision(float(found[0]), found[1:] * signs / spread)
+
+
+def probabilities(decision: Decision, rows: Array) -> Array:
+    """Of examples with features [n, F]."""
+    return 1 / (1 + np.exp(-(decision.intercept + rows @ decision.weights)))
 
 
 def strokes_world(index: int) -> dict[str, Any] | None:

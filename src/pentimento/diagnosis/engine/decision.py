@@ -24,6 +24,8 @@ FEATURES = (
     "discovery_z", "confirmation_z", "log_share", "share_z", "votes", "form_z", "signature_z", "unnamed", "rival",
     "log_beside", "log_misfit",
 )  # fmt: skip
+AGAINST = ("form_z", "unnamed", "rival", "log_misfit")
+"""Those that speak against a cause; the others speak for it."""
 
 
 def features(evidence: Evidence) -> Array:
