@@ -46,8 +46,7 @@ _FIRST_SEED = 77_000_000
 _STRATA: tuple[Stratum, ...] = ("one", "none", "two", "one", "outside", "one")
 """Of the worlds of strokes and pushes, in turn."""
 _PENALTY = 3.0
-"""Inverse of the L2 penalty. The leave-one-out Brier score of the first 56 examples is .038 for 1 and 3, and .039 for 10.
-"""
+"""Inverse of the L2 penalty. The leave-one-out Brier score of the first 56 examples is .038 for 1 and 3."""
 _LIBERAL = DecisionRule(entry_p=0.3, small_share=0.003)
 _FAINT = {3: 0.05, 5: 0.1}
 """Wanted q of some of them."""
@@ -88,8 +87,11 @@ def main() -> None:
 
 
 def fitted(rows: Array, labels: Array) -> Decision:
-    """The logistic regression, with an L2 penalty on features of equal spread. Every weight has the sign of its question:
-    evidence for a cause cannot count against it because two features are correlated."""
+    """The logistic regression, with an L2 penalty on features of equal spread.
+
+    Every weight has the sign of its question: evidence for a cause cannot count against it because two features are
+    correlated.
+    """
     spread = np.maximum(rows.std(0), 1e-6)
     signs = np.array([-1.0 if name in AGAINST else 1.0 for name in FEATURES])
     scaled, outcome = rows / spread * signs, np.where(labels, 1.0, -1.0)
