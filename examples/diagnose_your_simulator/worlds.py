@@ -61,9 +61,8 @@ def named_by_least_squares(problem: SimulatorProblem) -> set[str]:
             problem.measured - problem.predict(problem.index, problem.values(FittedSimulator(names, vector)))
         )
 
-    found = least_squares(
-        residuals, np.maximum(np.zeros(len(low)), low), bounds=(low, np.inf), diff_step=0.01, max_nfev=8
-    )
+    start = np.full(len(low), _ABOVE)  # not at a bound, and large enough for relative steps
+    found = least_squares(residuals, start, bounds=(low, np.inf), diff_step=0.01, max_nfev=12)
     fitted = FittedSimulator(names, found.x)
     sizes = {c.name: max(abs(problem.values(fitted)[q.name]) / q.typical for q in c.quantities) for c in CAUSES}
     return {name for name, size in sizes.items() if size > _ABOVE}
