@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.engine.mechanistic import FittedModel
 from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
 from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.gauss_newton import Statistics
@@ -26,21 +27,7 @@ from pentimento.dynamics.pushes.mechanisms import Mechanism
 Array = NDArray[Any]
 
 
-@dataclass(frozen=True)
-class FittedPushes:
-    """A push model as the engine sees it."""
-
-    model: AnalyticPush
-
-    @property
-    def causes(self) -> tuple[str, ...]:
-        """Names, in the order of their parameters."""
-        return tuple(m.cause for m in self.model.mechanisms)
-
-    @property
-    def vector(self) -> Array:
-        """[P] parameters."""
-        return self.model.vector
+FittedPushes = FittedModel[AnalyticPush]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.engine.mechanistic import FittedModel
 from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
 from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.gauss_newton import Statistics
@@ -29,21 +30,7 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 Array = NDArray[Any]
 
 
-@dataclass(frozen=True)
-class FittedStrokes:
-    """A stroke model as the engine sees it."""
-
-    model: Model
-
-    @property
-    def causes(self) -> tuple[str, ...]:
-        """Names, in the order of their parameters."""
-        return tuple(m.cause for m in self.model.mechanisms)
-
-    @property
-    def vector(self) -> Array:
-        """[P] parameters."""
-        return self.model.vector
+FittedStrokes = FittedModel[Model]
 
 
 @dataclass(frozen=True, eq=False)
