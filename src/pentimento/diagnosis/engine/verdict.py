@@ -75,4 +75,4 @@ def sentence(result: Result[M], unit: str) -> str:
 
 def _named(finding: Finding) -> str:
     numbers = ", ".join(f"{name} {value:.3g} ± {error:.1g}" for name, (value, error) in finding.values.items())
-    return f"{finding.cause} (probability {finding.probability:.2f}; {numbers}; removes {finding.gain:.0%} of the gap)"
+    return f"{finding.cause} (probability {finding.probability:.3g}; {numbers}; removes {finding.gain:.0%} of the gap)"
