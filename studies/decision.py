@@ -23,7 +23,7 @@ from sklearn.metrics import brier_score_loss
 from threadpoolctl import threadpool_limits
 
 from examples.diagnose_your_simulator.arm import problem_of
-from examples.diagnose_your_simulator.robot import FAULTS, make_log
+from examples.diagnose_your_simulator.robot import drawn_fault, make_log
 from pentimento.contracts.atomic import atomic_write
 from pentimento.diagnosis.engine.decision import AGAINST, FEATURES, Decision, default_decision, features
 from pentimento.diagnosis.engine.diagnose import diagnose
@@ -138,8 +138,8 @@ def _studio_world(name: KindName, index: int, problem: Callable[[pa.Table], Prob
 
 def arm_world(index: int) -> dict[str, Any]:
     """Evidence of a world of the example's arm."""
-    fault, seed = FAULTS[index % len(FAULTS)], _FIRST_SEED + index
-    strength = float(np.exp(np.random.default_rng([seed, 9]).uniform(np.log(0.5), np.log(2.0))))
+    seed = _FIRST_SEED + index
+    fault, strength = drawn_fault(seed)
     return _evidence(problem_of(make_log(fault, seed, strength), 0), () if fault == "nothing" else (fault,))
 
 

@@ -56,9 +56,9 @@ def problem(log: Path, seed: int = 0) -> SimulatorProblem:
 
 def problem_of(log: Mapping[str, Array], seed: int) -> SimulatorProblem:
     """The same from columns."""
-    given = ("commanded_rad", "measured_rad", "action", "block", "turn")
+    given = ("commanded_rad", "measured_rad", "action", "block")
     covariates = {name: values.astype(float) for name, values in log.items() if name not in given}
-    rows = Rows(log["action"], log["block"], log["turn"], covariates)
+    rows = Rows(log["action"], log["block"], covariates)
     measured = log["measured_rad"].reshape(len(rows.action), -1) * 1e3
     causes = {cause.name: cause for cause in CAUSES}
     predict = predictor(log["commanded_rad"])

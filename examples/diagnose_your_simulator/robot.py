@@ -29,6 +29,12 @@ _TORQUE_NOISE_NM = 0.05
 MODEL: Final = Path(__file__).with_name("arm.xml")
 
 
+def drawn_fault(seed: int) -> tuple[str, float]:
+    """The fault of the robot with this seed, in turn, and its strength, half to twice the usual one."""
+    strength = np.exp(np.random.default_rng([seed, 9]).uniform(np.log(0.5), np.log(2.0)))
+    return FAULTS[seed % len(FAULTS)], float(strength)
+
+
 def make_log(fault: str, seed: int, strength: float) -> dict[str, Array]:
     """Execute random motions on a robot with one fault.
 
@@ -38,8 +44,8 @@ def make_log(fault: str, seed: int, strength: float) -> dict[str, Array]:
         strength: of the fault; 1 is clearly visible.
 
     Returns:
-        Columns by name: ``commanded_rad`` and ``measured_rad`` [B, T, 2]; ``action``, ``block``, ``turn`` and
-        covariates [B].
+        Columns by name: ``commanded_rad`` and ``measured_rad`` [B, T, 2]; ``action``, ``block`` and covariates
+        [B].
 
     Raises:
         ConfigError: no such fault.
@@ -68,7 +74,6 @@ def make_log(fault: str, seed: int, strength: float) -> dict[str, Array]:
         "measured_rad": np.stack(measured),
         "action": action,
         "block": np.arange(rows) // 8,
-        "turn": np.arange(rows),
         "temperature_c": 24 + 3 * np.sin(np.arange(rows) / 25) + 0.2 * rng.standard_normal(rows),
         "battery_v": 24 - 0.01 * np.arange(rows) + 0.05 * rng.standard_normal(rows),
     }

@@ -7,13 +7,13 @@ all parameters and quantities, the usual system identification, stands beside it
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from examples.diagnose_your_simulator.arm import CAUSES, problem_of
-from examples.diagnose_your_simulator.robot import FAULTS, make_log
+from examples.diagnose_your_simulator.robot import drawn_fault, make_log
 from pentimento.diagnosis.engine.decision import default_decision
 from pentimento.diagnosis.engine.diagnose import diagnose
 from pentimento.diagnosis.engine.rule import DecisionRule
@@ -36,19 +36,23 @@ def main() -> None:
 def worlds(first: int, end: int) -> Iterator[tuple[bool, int, int, bool]]:
     """For each world: whether it is exactly named, its false names, its names, and whether least squares is exact."""
     for seed in range(first, end):
-        fault = FAULTS[seed % len(FAULTS)]
-        strength = float(np.exp(np.random.default_rng([seed, 9]).uniform(np.log(0.5), np.log(2.0))))
+        fault, strength = drawn_fault(seed)
         problem = problem_of(make_log(fault, seed, strength), 0)
         truth = set() if fault == "nothing" else {fault}
         found = diagnose(problem, default_decision(), DecisionRule(), seed=0, log=lambda line: None)
         names = {finding.cause for finding in found.established}
         fitted = named_by_least_squares(problem)
+        suspected = [finding.cause for finding in found.suspected]
         print(
-            f"{seed}: hidden {fault} ({strength:.2f}), established {', '.join(names) or 'nothing'}, suspected "
-            f"{', '.join(f.cause for f in found.suspected) or 'nothing'}, least squares {', '.join(fitted)}",
+            f"{seed}: hidden {fault} ({strength:.2f}), established {_listed(names)}, suspected {_listed(suspected)}, "
+            f"least squares {_listed(fitted)}",
             flush=True,
         )
         yield names == truth, len(names - truth), len(names), fitted == truth
+
+
+def _listed(causes: Iterable[str]) -> str:
+    return ", ".join(sorted(causes)) or "nothing"
 
 
 def named_by_least_squares(problem: SimulatorProblem) -> set[str]:

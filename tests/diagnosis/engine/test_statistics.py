@@ -41,7 +41,7 @@ def test_p_does_not_depend_on_the_unit_of_a_quantity() -> None:
 
 def test_every_split_has_whole_actions_and_repeats() -> None:
     action = np.concatenate([np.arange(60), np.repeat(np.arange(60, 80), 3)])
-    rows = Rows(action, np.arange(len(action)) // 10, np.arange(len(action)), {})
+    rows = Rows(action, np.arange(len(action)) // 10, {})
     parts = split(rows, 3)
     assert sorted(np.concatenate(parts).tolist()) == list(range(len(action)))
     of_action = [set(action[part].tolist()) for part in parts]
@@ -53,7 +53,7 @@ def test_every_split_has_whole_actions_and_repeats() -> None:
 def test_too_few_actions_end_in_a_sentence() -> None:
     few = np.arange(9)
     with pytest.raises(ContractError, match="9 different actions"):
-        split(Rows(few, few, few, {}), 0)
+        split(Rows(few, few, {}), 0)
 
 
 def test_a_cause_allows_what_its_signs_and_its_own_rule_allow() -> None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.engine.problem import Cause, M, Problem, columns_of
+from pentimento.diagnosis.engine.problem import Cause, M, Problem, columns_of, values_of
 from pentimento.diagnosis.engine.rule import DecisionRule
 from pentimento.diagnosis.engine.search import above_floor, held_out_losses, score_tests
 from pentimento.diagnosis.gauss_newton import covariance
@@ -147,6 +147,6 @@ def _best_rival(problem: Problem[M], without: M, taken: tuple[str, ...], rule: D
     before, best = problem.losses(without), 0.0
     for name in ranked:
         refit = problem.fit((*without.causes, name), without)
-        if problem.causes[name].allows(refit.vector[columns_of(problem, refit, name)]):
+        if problem.causes[name].allows(values_of(problem, refit, name)):
             best = max(best, float((before - held_out_losses(problem, refit, name, seed=seed)).mean()))
     return best

@@ -62,8 +62,6 @@ class Rows:
     """int[B]: rows of equal value repeat one command."""
     block: Array
     """int[B]: rows of equal value stay in one split as far as possible."""
-    turn: Array
-    """int[B]: rank in the order of execution."""
     covariates: Mapping[str, Array]
     """float[B] each, without gaps."""
 
@@ -75,7 +73,7 @@ class Rows:
     def pick(self, rows: Array) -> Rows:
         """The rows with these indices."""
         columns = {name: values[rows] for name, values in self.covariates.items()}
-        return Rows(self.action[rows], self.block[rows], self.turn[rows], columns)
+        return Rows(self.action[rows], self.block[rows], columns)
 
 
 class Fitted(Protocol):

@@ -48,7 +48,7 @@ class PushProblem:
     def rows(self) -> Rows:
         """See ``Problem``."""
         m = self.measured
-        return Rows(m.action, m.block, m.turn, varying_covariates(m))
+        return Rows(m.action, m.block, varying_covariates(m))
 
     def pick(self, rows: Array) -> Self:
         """See ``Problem``."""

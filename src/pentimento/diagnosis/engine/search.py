@@ -14,6 +14,7 @@ from scipy.stats import gamma
 
 from pentimento.diagnosis.engine.problem import M, Problem, columns_of, values_of
 from pentimento.diagnosis.engine.rule import DecisionRule
+from pentimento.diagnosis.evaluation import SMALLEST_GAP
 from pentimento.diagnosis.score import held_out_gains, paired_p, projected_statistics
 
 Array = NDArray[Any]
@@ -164,4 +165,4 @@ def without_needless(problem: Problem[M], model: M, rule: DecisionRule, *, seed:
 def above_floor(problem: Problem[M], model: M) -> float:
     """Mean error above the noise floor, at least a tenth of the error."""
     error, floor = float(problem.losses(model).mean()), problem.floor(model)
-    return max(error - (floor.mse if floor else 0.0), 0.1 * error)
+    return max(error - (floor.mse if floor else 0.0), SMALLEST_GAP * error)

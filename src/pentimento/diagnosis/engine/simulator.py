@@ -160,13 +160,10 @@ class SimulatorProblem:
 
     def _started(self, causes: tuple[str, ...], start: FittedSimulator | None) -> FittedSimulator:
         """A model with these causes and the parameters of ``start`` where it has them."""
-        base = np.zeros(len(self.parameters)) if start is None else start.vector[: len(self.parameters)]
-        known: dict[str, Array] = {}
-        at = len(self.parameters)
-        for name in start.causes if start else ():
-            size = len(self.causes[name].quantities)
-            known[name] = start.vector[at : at + size] if start else base
-            at += size
+        start = start or FittedSimulator((), np.zeros(len(self.parameters)))
+        ends = np.cumsum([len(self.parameters), *(len(self.causes[name].quantities) for name in start.causes)])
+        base, *values = np.split(start.vector, ends[:-1])
+        known = dict(zip(start.causes, values, strict=True))
         own = [known.get(name, np.zeros(len(self.causes[name].quantities))) for name in causes]
         return FittedSimulator(causes, np.concatenate([base, *own]))
 

@@ -29,7 +29,6 @@ from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
-
 FittedStrokes = FittedModel[Model]
 
 
@@ -51,7 +50,7 @@ class StrokeProblem:
     def rows(self) -> Rows:
         """See ``Problem``."""
         m = self.measured
-        return Rows(m.action, m.block, m.turn, covariates_shown(m))
+        return Rows(m.action, m.block, covariates_shown(m))
 
     def pick(self, rows: Array) -> Self:
         """See ``Problem``."""
