@@ -1,7 +1,7 @@
 """Fits the weights by which the diagnosis turns evidence into a probability: `python -m studies.decision`.
 
-Worlds with known causes are simulated: strokes and pushes of the virtual studio, motions of the example's arm. Every
-cause that the search proposes is a training example; its label says whether the world hides it. The search is more
+Worlds with known causes are simulated: strokes and pushes of the virtual studio and of the two second simulators (with
+other seeds and strengths than in their tables), motions of the example's arm. Every cause that the search proposes is a training example; its label says whether the world hides it. The search is more
 liberal than in a diagnosis, so that it proposes false causes, too. The seeds serve nothing else. Worlds that are in
 `data/studies/decision/` already are not made again.
 """
@@ -11,7 +11,8 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,10 @@ from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY as PUSH_CAUSES
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY as STROKE_CAUSES
+from studies.another_clay.session import recorded as recorded_pushes
+from studies.another_clay.table import WORLDS as PUSH_WORLDS
+from studies.another_simulator.session import recorded as recorded_strokes
+from studies.another_simulator.table import WORLDS as STROKE_WORLDS
 from studies.blind.kinds import KindName, kind_of
 from studies.blind.series import Stratum
 
@@ -50,6 +55,8 @@ _PENALTY = 3.0
 _LIBERAL = DecisionRule(entry_p=0.3, small_share=0.003)
 _FAINT = {3: 0.05, 5: 0.1}
 """Wanted q of some of them."""
+_OTHER_STRENGTHS = (0.5, 1.3)
+"""Range of the factor by which an effect of a second simulator differs from its table."""
 WEIGHTS = Path("src/pentimento/diagnosis/engine/decision.json")
 
 
@@ -58,16 +65,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m studies.decision", description=__doc__)
     parser.add_argument("--strokes", type=int, default=35, help="number of worlds of strokes")
     parser.add_argument("--pushes", type=int, default=27, help="number of worlds of pushes")
+    parser.add_argument("--other-strokes", type=int, default=25, help="number of worlds of studies.another_simulator")
+    parser.add_argument("--other-pushes", type=int, default=23, help="number of worlds of studies.another_clay")
     parser.add_argument("--arms", type=int, default=10, help="number of worlds of the arm")
     parser.add_argument("--out", type=Path, default=Path("data/studies/decision"))
     given = parser.parse_args()
-    for index in range(given.strokes):
-        _keep(given.out / "strokes" / f"{index}.json", lambda index=index: strokes_world(index))
-    for index in range(given.pushes):
-        _keep(given.out / "pushes" / f"{index}.json", lambda index=index: pushes_world(index))
-    for index in range(given.arms):
-        _keep(given.out / "arm" / f"{index}.json", lambda index=index: arm_world(index))
-    kinds = {kind: _examples(given.out / kind) for kind in ("strokes", "pushes", "arm")}
+    wanted = {
+        "strokes": given.strokes, "pushes": given.pushes, "other_strokes": given.other_strokes,
+        "other_pushes": given.other_pushes, "arm": given.arms,
+    }  # fmt: skip
+    for kind, count in wanted.items():
+        for index in range(count):
+            _keep(given.out / kind / f"{index}.json", kind, index)
+    kinds = {kind: _examples(given.out / kind) for kind in wanted}
     for kind, (rows, labels) in kinds.items():
         rest = [examples for other, examples in kinds.items() if other != kind]
         left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))
@@ -112,46 +122,65 @@ def probabilities(decision: Decision, rows: Array) -> Array:
     return 1 / (1 + np.exp(-(decision.intercept + rows @ decision.weights)))
 
 
-def strokes_world(index: int) -> dict[str, Any] | None:
-    """Evidence of a world of strokes; None where it cannot be made."""
+def world(kind: str, index: int) -> dict[str, Any] | None:
+    """Causes and evidence of one world; None where it cannot be made."""
+    seed = _FIRST_SEED + index
+    with threadpool_limits(1):
+        match kind:
+            case "strokes" | "pushes":
+                made = _studio_world(kind, index, seed)
+                return made and _evidence(_PROBLEM_OF[kind](made[0]), made[1])
+            case "other_strokes":
+                stroke_world = _perturbed(STROKE_WORLDS[index % len(STROKE_WORLDS)], seed)
+                return _evidence(_stroke_problem(recorded_strokes(stroke_world)), stroke_world.truth)
+            case "other_pushes":
+                push_world = _perturbed(PUSH_WORLDS[index % len(PUSH_WORLDS)], seed)
+                return _evidence(_push_problem(recorded_pushes(push_world)), push_world.truth)
+            case "arm":
+                fault, strength = drawn_fault(seed)
+                truth = () if fault == "nothing" else (fault,)
+                return _evidence(problem_of(make_log(fault, seed, strength), 0), truth)
+            case _:
+                raise ValueError(f"There is no kind {kind}.")
 
-    def problem(table: pa.Table) -> Problem[Any]:
-        return stroke_problem(load_measured(usable_rows(table).table), STROKE_CAUSES, 0)
 
-    return _studio_world("strokes", index, problem)
-
-
-def pushes_world(index: int) -> dict[str, Any] | None:
-    """Evidence of a world of pushes; None where it cannot be made."""
-    return _studio_world("pushes", index, lambda table: push_problem(usable(table)[0], PUSH_CAUSES, 0))
-
-
-def _studio_world(name: KindName, index: int, problem: Callable[[pa.Table], Problem[Any]]) -> dict[str, Any] | None:
+def _studio_world(name: KindName, index: int, seed: int) -> tuple[pa.Table, Iterable[str]] | None:
     kind, place = kind_of(name), index % len(_STRATA)
     try:
-        table, truth = kind.make(kind.sketch(_STRATA[place], _FIRST_SEED + index, None, _FAINT.get(place)))
+        table, truth = kind.make(kind.sketch(_STRATA[place], seed, None, _FAINT.get(place)))
     except kind.cannot_be_made:
         return None
-    with threadpool_limits(1):
-        return _evidence(problem(table), truth.causes)
+    return table, truth.causes
 
 
-def arm_world(index: int) -> dict[str, Any]:
-    """Evidence of a world of the example's arm."""
-    seed = _FIRST_SEED + index
-    fault, strength = drawn_fault(seed)
-    return _evidence(problem_of(make_log(fault, seed, strength), 0), () if fault == "nothing" else (fault,))
+def _perturbed(known: Any, seed: int) -> Any:
+    """A world of a second simulator with another seed, and each effect weaker or stronger."""
+    rng = np.random.default_rng([seed, 5])
+    effects = {field.name: getattr(known.effects, field.name) for field in fields(known.effects)}
+    scaled = {name: strength * rng.uniform(*_OTHER_STRENGTHS) for name, strength in effects.items()}
+    return replace(known, seed=seed, effects=type(known.effects)(**scaled))
 
 
-def _evidence(problem: Problem[Any], truth: tuple[str, ...]) -> dict[str, Any]:
+def _stroke_problem(table: pa.Table) -> Problem[Any]:
+    return stroke_problem(load_measured(usable_rows(table).table), STROKE_CAUSES, 0)
+
+
+def _push_problem(table: pa.Table) -> Problem[Any]:
+    return push_problem(usable(table)[0], PUSH_CAUSES, 0)
+
+
+_PROBLEM_OF: dict[KindName, Callable[[pa.Table], Problem[Any]]] = {"strokes": _stroke_problem, "pushes": _push_problem}
+
+
+def _evidence(problem: Problem[Any], truth: Iterable[str]) -> dict[str, Any]:
     found = diagnose(problem, default_decision(), _LIBERAL, seed=0, log=lambda line: None).decided
-    named = {name: e._asdict() for name, e in found.evidence.items() if problem.causes[name].named}
-    return {"truth": list(truth), "evidence": named}
+    named = {name: e.evidence._asdict() for name, e in found.examined.items() if problem.causes[name].named}
+    return {"truth": sorted(truth), "evidence": named}
 
 
-def _keep(path: Path, make: Callable[[], dict[str, Any] | None]) -> None:
+def _keep(path: Path, kind: str, index: int) -> None:
     if not path.exists():
-        atomic_write(path, json.dumps(make()).encode())
+        atomic_write(path, json.dumps(world(kind, index)).encode())
         print(path, flush=True)
 
 
@@ -159,10 +188,10 @@ def _examples(folder: Path) -> tuple[Array, Array]:
     """Features [n, F] and labels [n] of all proposed causes."""
     rows, labels = [], []
     for path in sorted(folder.glob("*.json")):
-        world = json.loads(path.read_text())
-        for name, evidence in world["evidence"].items() if world else ():
+        made = json.loads(path.read_text())
+        for name, evidence in made["evidence"].items() if made else ():
             rows.append(features(Evidence(**evidence)))
-            labels.append(name in world["truth"])
+            labels.append(name in made["truth"])
     return np.array(rows), np.array(labels)
 
 

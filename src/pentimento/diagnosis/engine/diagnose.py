@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.engine.decision import Decision
-from pentimento.diagnosis.engine.evidence import Evidence, evidence_for
+from pentimento.diagnosis.engine.evidence import Evidence, Examined, evidence_for
 from pentimento.diagnosis.engine.problem import M, Problem, columns_of
 from pentimento.diagnosis.engine.rule import DecisionRule
 from pentimento.diagnosis.engine.search import search
@@ -34,8 +34,8 @@ class Decided(Generic[M]):
     """The base with the causes that are at least suspected, fitted to both splits."""
     probability: dict[str, float]
     """Of each of these causes."""
-    evidence: dict[str, Evidence]
-    """Of every proposed cause, when it was accepted or rejected."""
+    examined: dict[str, Examined]
+    """Every proposed cause, when it was accepted or rejected."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,8 @@ class Finding:
     values: dict[str, tuple[float, float]]
     """Each quantity with its standard error, in its unit."""
     evidence: Evidence
+    rivals: tuple[str, ...]
+    """Causes that remove as much in its place."""
 
 
 @dataclass(frozen=True)
@@ -124,17 +126,17 @@ def decide(
     discovery = known.pick(rows)
     model = discovery.fit(model.causes, model)
     model = search(discovery, model, rule, seed=seed, log=log, min_share=rule.small_share)
-    evidence: dict[str, Evidence] = {}
+    examined: dict[str, Examined] = {}
     while True:
         now = evidence_for(known, model, confirmation, rule, seed)
-        evidence |= now
-        probability = {name: decision.probability(e) for name, e in now.items() if known.causes[name].named}
+        examined |= now
+        probability = {name: decision.probability(e.evidence) for name, e in now.items() if known.causes[name].named}
         worst = min(probability, key=lambda name: probability[name], default=None)
         if worst is None or probability[worst] >= rule.suspected:
             break
         log(f"{worst}: probability {probability[worst]:.2f}")
         model = discovery.fit([name for name in model.causes if name != worst], model)
-    return Decided(known.fit(model.causes, model), probability, evidence), known, predict_residual
+    return Decided(known.fit(model.causes, model), probability, examined), known, predict_residual
 
 
 def report(decided: Decided[M], known: Problem[M], test: Problem[M], rule: DecisionRule, *, seed: int) -> Result[M]:
@@ -154,7 +156,7 @@ def report(decided: Decided[M], known: Problem[M], test: Problem[M], rule: Decis
         gain, interval = mean_gain((test.losses(without) - test.losses(with_it)) / gap, seed)
         return Finding(
             cause, decided.probability[cause], gain, interval, values_with_errors(known, with_it, cause),
-            decided.evidence[cause],
+            decided.examined[cause].evidence, decided.examined[cause].rivals,
         )  # fmt: skip
 
     columns = known.rows.covariates

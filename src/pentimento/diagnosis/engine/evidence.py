@@ -23,7 +23,7 @@ Array = NDArray[Any]
 
 
 class Evidence(NamedTuple):
-    """Evidence for one cause of a model."""
+    """Evidence for one cause of a model, as numbers of which the decision is made."""
 
     discovery_z: float
     """Its summed score on the discovery split, in standard errors."""
@@ -50,9 +50,17 @@ class Evidence(NamedTuple):
     """Error of the model over the noise floor; 1 where the floor is unknown."""
 
 
+class Examined(NamedTuple):
+    """What was found about one cause of a model."""
+
+    evidence: Evidence
+    rivals: tuple[str, ...]
+    """Other causes that remove as much in its place."""
+
+
 def evidence_for(
     problem: Problem[M], model: M, confirmation: Array, rule: DecisionRule, seed: int
-) -> dict[str, Evidence]:
+) -> dict[str, Examined]:
     """Evidence for each cause of a model.
 
     Args:
@@ -68,7 +76,7 @@ def evidence_for(
     misfit = float(losses.mean()) / floor.mse if floor and floor.mse > 0 else 1.0
     statistics = problem.linearise(model, ())
     spread = covariance(problem.linearise(fitted, ()))
-    found: dict[str, Evidence] = {}
+    found: dict[str, Examined] = {}
     for name in model.causes:
         cause, columns = problem.causes[name], columns_of(problem, model, name)
         rest = np.setdiff1d(np.arange(len(model.vector)), columns)
@@ -81,7 +89,8 @@ def evidence_for(
         own = max(float(removed.mean()), 1e-300)
         signature = [i for i, q in enumerate(cause.quantities) if not cause.signature or q.name in cause.signature]
         errors = np.sqrt(np.maximum(np.diag(spread)[columns], 1e-300))
-        found[name] = Evidence(
+        rivals = _rivals(problem, without, model.causes, cause, rule=rule, seed=seed)
+        evidence = Evidence(
             discovery_z=_z(score[~confirmation]),
             confirmation_z=_z(score[confirmation]),
             share=own / gap,
@@ -90,12 +99,16 @@ def evidence_for(
             form_z=_form_z(problem, cause, score, weight),
             signature_z=float(np.max((np.abs(fitted.vector[columns]) / errors)[signature])),
             unnamed=_best_curve(problem, without, cause, seed) / own,
-            rival=_best_rival(problem, without, model.causes, rule, seed) / own,
+            rival=max([0.0, *rivals.values()]) / own,
             beside=1.0,
             misfit=misfit,
         )
-    largest = max((e.share for e in found.values()), default=1.0)
-    return {name: e._replace(beside=e.share / largest) for name, e in found.items()}
+        as_good = [other for other, gain in rivals.items() if gain >= rule.as_good_as * own]
+        found[name] = Examined(evidence, tuple(as_good))
+    largest = max((e.evidence.share for e in found.values()), default=1.0)
+    return {
+        name: e._replace(evidence=e.evidence._replace(beside=e.evidence.share / largest)) for name, e in found.items()
+    }
 
 
 def _z(values: Array) -> float:
@@ -139,14 +152,17 @@ def _best_curve(problem: Problem[M], without: M, cause: Cause, seed: int) -> flo
     return best
 
 
-def _best_rival(problem: Problem[M], without: M, taken: tuple[str, ...], rule: DecisionRule, seed: int) -> float:
-    """Held-out error that the best cause outside the model removes in the place of one of its causes."""
+def _rivals(
+    problem: Problem[M], without: M, taken: tuple[str, ...], cause: Cause, *, rule: DecisionRule, seed: int
+) -> dict[str, float]:
+    """Held-out error that other causes remove in the place of one: the best of all, and the best of its family."""
     others = [name for name in problem.causes if name not in taken]
     tests = score_tests(problem, without, others, seed=seed)
-    ranked = sorted(others, key=lambda name: -tests[name].gain)[: rule.refits]
-    before, best = problem.losses(without), 0.0
-    for name in ranked:
+    ranked = sorted(others, key=lambda name: -tests[name].gain)
+    family = [name for name in ranked if cause.family and problem.causes[name].family == cause.family]
+    before, found = problem.losses(without), {}
+    for name in dict.fromkeys([*ranked[: rule.rivals], *family[: rule.rivals]]):
         refit = problem.fit((*without.causes, name), without)
         if problem.causes[name].allows(values_of(problem, refit, name)):
-            best = max(best, float((before - held_out_losses(problem, refit, name, seed=seed)).mean()))
-    return best
+            found[name] = float((before - held_out_losses(problem, refit, name, seed=seed)).mean())
+    return found

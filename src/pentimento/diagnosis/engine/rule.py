@@ -15,8 +15,10 @@ class DecisionRule:
     """Adjusted p of a score test, and p of the error that a refit removes, below which the search takes a cause."""
     near_best: float = 0.4
     """Share of the best candidate's held-out gain from which another one is refitted, too."""
-    refits: int = 3
+    refits: int = 2
     """Refitted candidates of one round, and as many of the best one's family."""
+    rivals: int = 1
+    """Refitted rivals of each cause, and as many of its family."""
     as_good_as: float = 0.95
     """Share of what the best candidate removes from which a simpler one counts as equal."""
     worse_p: float = 0.05
