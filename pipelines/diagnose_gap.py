@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -13,8 +14,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.measured import covariates_of
+from pentimento.diagnosis.strokes.problem import StrokeResult
 from pentimento.diagnosis.strokes.write import write_diagnosis
 from pentimento.dynamics.strokes.evaluation import score, score_model
 from pentimento.dynamics.strokes.extended import (
@@ -109,10 +110,10 @@ def _parts(strokes: MeasuredStrokes, held_out_actions: Path, config: TrainingCon
     return _Parts(*(strokes.pick(torch.nonzero(part).flatten()) for part in parts))
 
 
-def _established(found: Diagnosis) -> list[Mechanism]:
+def _established(found: StrokeResult) -> list[Mechanism]:
     """Return the established mechanisms; the diagnosis's model also has nuisance parameters."""
     names = {finding.cause for finding in found.established}
-    return [mechanism for mechanism in found.extended.mechanisms if mechanism.cause in names]
+    return [mechanism for mechanism in found.extended.model.mechanisms if mechanism.cause in names]
 
 
 def _predicted(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
@@ -120,7 +121,7 @@ def _predicted(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
         return predict_extended(model.mark(), model.mechanisms, strokes)
 
 
-def _summary(found: Diagnosis, joint: JointFit) -> str:
+def _summary(found: StrokeResult, joint: JointFit) -> str:
     causes = ", ".join(mechanism.cause for mechanism in _established(found))
     base, extended = joint.validation_l1
     if not causes:
@@ -134,29 +135,22 @@ def _summary(found: Diagnosis, joint: JointFit) -> str:
     return f"Established causes: {causes}. {result}"
 
 
-def _log_candidates(run: Run, found: Diagnosis) -> None:
-    """Log a child run for each candidate cause, with its evidence at each step of the search."""
-    status = {finding.cause: "suspected" for finding in found.suspected}
-    status |= {finding.cause: "established" for finding in found.established}
-    chosen = {step.chosen for step in found.search.steps}
-    causes = dict.fromkeys(cause for step in found.search.steps for cause in step.evidence)
-    for cause in causes:
-        curves: dict[str, dict[int, float]] = {}
-        for number, step in enumerate(found.search.steps):
-            if cause not in step.evidence:
-                continue
-            evidence = step.evidence[cause]
-            low, high = evidence.gain_interval
-            values = {
-                "p": evidence.p, "p_adjusted": evidence.p_adjusted, "gain": evidence.gain, "gain_low": low,
-                "gain_high": high,
-            }  # fmt: skip
-            for name, value in values.items():
-                curves.setdefault(name, {})[number] = value
-        tags = {"cause": cause, "verdict": status.get(cause, "not established"), "chosen": str(cause in chosen).lower()}
-        run.log_child(cause, curves, tags)
-    for cause, reason in found.search.not_observable.items():
+def _log_candidates(run: Run, found: StrokeResult) -> None:
+    """Log a child run for each candidate cause, with its evidence."""
+    for status, findings in (("established", found.established), ("suspected", found.suspected)):
+        for finding in findings:
+            low, high = finding.gain_interval
+            values = {"probability": finding.probability, "gain": finding.gain, "gain_low": low, "gain_high": high}
+            _log_candidate(run, finding.cause, values | finding.evidence._asdict(), verdict=status)
+    error = float(found.known.losses(found.decided.model).mean())
+    for cause, test in found.others.items():
+        _log_candidate(run, cause, {"p": test.p, "gain": test.gain / error}, verdict="not established")
+    for cause, reason in found.known.unobservable.items():
         run.log_child(cause, {}, {"cause": cause, "verdict": "not observable", "reason": reason})
+
+
+def _log_candidate(run: Run, cause: str, values: Mapping[str, float], *, verdict: str) -> None:
+    run.log_child(cause, {name: {0: value} for name, value in values.items()}, {"cause": cause, "verdict": verdict})
 
 
 if __name__ == "__main__":

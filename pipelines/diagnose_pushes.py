@@ -15,7 +15,12 @@ from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M
-from pentimento.diagnosis.pushes.write import ValidatedCorrection, averaged, validate_correction, write_push_diagnosis
+from pentimento.diagnosis.pushes.write import (
+    ValidatedCorrection,
+    averaged,
+    validate_correction,
+    write_push_diagnosis,
+)
 from pentimento.dynamics.pushes.analytic_correction import FILE, correction_as_json
 from pentimento.dynamics.pushes.evaluation import predict
 from pentimento.dynamics.pushes.measured import load_pushes
@@ -54,9 +59,8 @@ def main(arguments: argparse.Namespace) -> None:
         if not np.isin(held_out, samples.action_id).any():
             raise ContractError(f"None of the actions in {unseen} is among the pushes: train the base on them.")
         predicted = averaged(predict(network, samples).numpy(), samples.pixels_per_m)
-        fitted = validate_correction(
-            found, load_pushes(table, PIXELS_PER_M)[0], predicted, held_out=held_out, seed=config.seed
-        )
+        fine = load_pushes(table, PIXELS_PER_M)[0]
+        fitted = validate_correction(found, fine, predicted, held_out=held_out, seed=config.seed)
         write_push_model(network, out)
         shutil.copyfile(unseen, out / unseen.name)
         if fitted.correction is not None:

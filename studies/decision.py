@@ -1,8 +1,9 @@
 """Fits the weights by which the diagnosis turns evidence into a probability: `python -m studies.decision`.
 
-Worlds with known causes are simulated: strokes and pushes of the virtual studio and of the two second simulators (with
-other seeds and strengths than in their tables), motions of the example's arm. Every cause that the search proposes is a training example; its label says whether the world hides it. The search is more
-liberal than in a diagnosis, so that it proposes false causes, too. The seeds serve nothing else. Worlds that are in
+Worlds with known causes are simulated: strokes and pushes of the virtual studio, those of the two second simulators
+with other seeds and strengths than in their tables, and motions of the example's arm. Every cause that the search
+proposes is a training example; its label says whether the world hides it. The search is more liberal than in a
+diagnosis, so that it proposes false causes, too. The seeds serve nothing else. Worlds that are in
 `data/studies/decision/` already are not made again.
 """
 
@@ -26,15 +27,15 @@ from threadpoolctl import threadpool_limits
 from examples.diagnose_your_simulator.arm import problem_of
 from examples.diagnose_your_simulator.robot import drawn_fault, make_log
 from pentimento.contracts.atomic import atomic_write
-from pentimento.diagnosis.engine.decision import AGAINST, FEATURES, Decision, default_decision, features
-from pentimento.diagnosis.engine.diagnose import diagnose
-from pentimento.diagnosis.engine.evidence import Evidence
-from pentimento.diagnosis.engine.problem import Problem
-from pentimento.diagnosis.engine.pushes import push_problem
-from pentimento.diagnosis.engine.rule import DecisionRule
-from pentimento.diagnosis.engine.strokes import stroke_problem
+from pentimento.diagnosis.decision import AGAINST, FEATURES, Decision, features
+from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.evidence import Evidence
+from pentimento.diagnosis.problem import Problem
+from pentimento.diagnosis.pushes.problem import push_problem
 from pentimento.diagnosis.pushes.write import usable
+from pentimento.diagnosis.rule import DecisionRule
 from pentimento.diagnosis.strokes.measured import load_measured
+from pentimento.diagnosis.strokes.problem import stroke_problem
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY as PUSH_CAUSES
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY as STROKE_CAUSES
@@ -57,7 +58,7 @@ _FAINT = {3: 0.05, 5: 0.1}
 """Wanted q of some of them."""
 _OTHER_STRENGTHS = (0.5, 1.3)
 """Range of the factor by which an effect of a second simulator differs from its table."""
-WEIGHTS = Path("src/pentimento/diagnosis/engine/decision.json")
+WEIGHTS = Path("src/pentimento/diagnosis/decision.json")
 
 
 def main() -> None:
@@ -173,7 +174,7 @@ _PROBLEM_OF: dict[KindName, Callable[[pa.Table], Problem[Any]]] = {"strokes": _s
 
 
 def _evidence(problem: Problem[Any], truth: Iterable[str]) -> dict[str, Any]:
-    found = diagnose(problem, default_decision(), _LIBERAL, seed=0, log=lambda line: None).decided
+    found = diagnose(problem, rule=_LIBERAL, seed=0, log=lambda line: None).decided
     named = {name: e.evidence._asdict() for name, e in found.examined.items() if problem.causes[name].named}
     return {"truth": sorted(truth), "evidence": named}
 

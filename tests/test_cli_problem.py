@@ -7,7 +7,7 @@ import pytest
 
 from pentimento.cli.main import main
 
-TOY = "tests.diagnosis.engine.spring"
+TOY = "tests.diagnosis.spring"
 
 
 def _run(tmp_path: Path, problem: str, *more: str) -> int:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from examples.diagnose_your_simulator.robot import MODEL, STEP_S
 from pentimento.contracts.errors import ContractError
-from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
-from pentimento.diagnosis.engine.simulator import Parameter, SimulatorProblem
+from pentimento.diagnosis.problem import Cause, Quantity, Rows
+from pentimento.diagnosis.simulator import Parameter, SimulatorProblem
 
 Array = NDArray[Any]
 
@@ -58,12 +58,20 @@ def problem_of(log: Mapping[str, Array], seed: int) -> SimulatorProblem:
     """The same from columns."""
     given = ("commanded_rad", "measured_rad", "action", "block")
     covariates = {name: values.astype(float) for name, values in log.items() if name not in given}
-    rows = Rows(log["action"], log["block"], covariates)
+    rows = Rows(log["action"], log["block"], np.arange(len(log["action"])), covariates)
     measured = log["measured_rad"].reshape(len(rows.action), -1) * 1e3
     causes = {cause.name: cause for cause in CAUSES}
     predict = predictor(log["commanded_rad"])
     return SimulatorProblem(
-        predict, measured, NUISANCES, causes, rows, unit="mrad²", seed=seed, index=np.arange(len(measured))
+        predict,
+        measured,
+        NUISANCES,
+        causes,
+        rows,
+        kind="motions",
+        unit="mrad²",
+        seed=seed,
+        index=np.arange(len(measured)),
     )
 
 

@@ -14,10 +14,10 @@ from scipy.optimize import least_squares
 
 from examples.diagnose_your_simulator.arm import CAUSES, problem_of
 from examples.diagnose_your_simulator.robot import drawn_fault, make_log
-from pentimento.diagnosis.engine.decision import default_decision
-from pentimento.diagnosis.engine.diagnose import diagnose
-from pentimento.diagnosis.engine.rule import DecisionRule
-from pentimento.diagnosis.engine.simulator import FittedSimulator, SimulatorProblem
+from pentimento.diagnosis.decision import default_decision
+from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.rule import DecisionRule
+from pentimento.diagnosis.simulator import FittedSimulator, SimulatorProblem
 
 _ABOVE = 0.1
 """Typical sizes from which a quantity of the least squares counts as named."""

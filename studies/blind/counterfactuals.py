@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pentimento.diagnosis.strokes.diagnose import diagnose
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.diagnosis.strokes.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.verdict import DiagnosisResult
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import torch
+from pentimento.diagnosis.strokes.diagnose import diagnose
 from torch import Tensor
 
 from pentimento.contracts.errors import ContractError
-from pentimento.diagnosis.strokes.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
 from pentimento.dynamics.strokes.evaluation import blank, fit_polyline, mean_iou, predict_with
 from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, predict_extended, timing_of

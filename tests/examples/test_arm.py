@@ -8,9 +8,9 @@ import pytest
 from examples.diagnose_your_simulator.arm import following, problem, problem_of
 from examples.diagnose_your_simulator.robot import make_log
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.diagnosis.engine.decision import default_decision
-from pentimento.diagnosis.engine.diagnose import diagnose
-from pentimento.diagnosis.engine.rule import DecisionRule
+from pentimento.diagnosis.decision import default_decision
+from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.rule import DecisionRule
 
 
 def test_the_hidden_fault_of_the_arm_is_named() -> None:

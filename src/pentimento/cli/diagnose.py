@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from pentimento.contracts.tables import CheckedTable
-    from pentimento.diagnosis.strokes.diagnose import Diagnosis
+    from pentimento.diagnosis.strokes.problem import StrokeResult
 
 
 def _run(arguments: argparse.Namespace) -> None:
@@ -64,13 +64,11 @@ def _diagnose_pushes(arguments: argparse.Namespace) -> None:
 def _diagnose_problem(arguments: argparse.Namespace) -> None:
     """Diagnose a simulator of the user's own (docs/diagnose_your_simulator.md)."""
     with workshop("diagnose"):
-        from pentimento.diagnosis.engine.decision import default_decision
-        from pentimento.diagnosis.engine.diagnose import diagnose
-        from pentimento.diagnosis.engine.rule import DecisionRule
-        from pentimento.diagnosis.engine.verdict import verdict
+        from pentimento.diagnosis.diagnose import diagnose
+        from pentimento.diagnosis.verdict import verdict
     problem = _factory(arguments.problem)(arguments.rows, arguments.seed)
-    found = diagnose(problem, default_decision(), DecisionRule(), seed=arguments.seed, log=_progress)
-    content = verdict(found, problem.unit)
+    found = diagnose(problem, seed=arguments.seed, log=_progress)
+    content = verdict(found)
     atomic_write(arguments.out / "verdict.json", (json.dumps(content, indent=1) + "\n").encode())
     print(content["sentence"])
     print(f"The verdict is {arguments.out / 'verdict.json'}.")
@@ -116,7 +114,7 @@ def _diagnose_strokes(arguments: argparse.Namespace) -> None:
     given = None if arguments.base is None else read_parameters(arguments.base)
     outside = None if arguments.test is None else read_table(arguments.test, CONTRACT).table
 
-    def diagnosed(table: pa.Table, added: str | None) -> Diagnosis:
+    def diagnosed(table: pa.Table, added: str | None) -> StrokeResult:
         notes = [line for line in (_left_out(checked), added) if line]
         found = write_diagnosis(
             table,

@@ -1,83 +1,23 @@
-"""What is measured on held-out actions: the three splits, and the noise floor (docs/diagnosis.md §2 and §7)."""
+"""What is measured on the test split: noise floor, gains, and the fraction of the gap closed (docs/diagnosis.md §7)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ContractError
 from pentimento.contracts.statistics import interval, resamples
 
 Array = NDArray[Any]
 
-_FEWEST_ACTIONS = 12
-"""Below it, three splits are too small for any test."""
-_FEWEST_REPEATED = 6
-"""From this number on, repeated actions go to the test split first."""
-_TEST = 0.2
-"""Share of the actions in the test split."""
-_CONFIRMATION = 0.2
-"""Share of the actions in the confirmation split."""
 MIN_REPEATED = 3
 """Repeated actions that a noise floor needs."""
 _DRAWS = 1999
 """Resamples of an interval."""
 SMALLEST_GAP = 0.1
 """Lower bound of a denominator: a gap as a share of the error, a resampled gap as a share of the gap."""
-
-
-class Actions(Protocol):
-    """Rows of a table, as far as splitting needs them."""
-
-    @property
-    def action(self) -> Array:
-        """int64[B]: rows of equal value repeat one command."""
-
-    @property
-    def block(self) -> Array:
-        """int64[B]: rows of equal value should stay in one split."""
-
-
-class Splits(NamedTuple):
-    """Row indices; all rows of one action are in one split."""
-
-    discovery: Array
-    confirmation: Array
-    test: Array
-
-
-def split(measured: Actions, seed: int) -> Splits:
-    """Split rows into 60 % discovery, 20 % confirmation and 20 % test, by action.
-
-    Repeated actions go to the test split first, because the noise floor is read from them. Blocks (strokes between two
-    dips, pushes between two smoothings) stay together as far as their actions allow.
-
-    Raises:
-        ContractError: too few actions for three splits.
-    """
-    actions, first, count = np.unique(measured.action, return_index=True, return_counts=True)
-    if len(actions) < _FEWEST_ACTIONS:
-        raise ContractError(
-            f"The table has {len(actions)} different actions; to find, confirm and test a cause on different strokes "
-            f"takes at least {_FEWEST_ACTIONS}, and to find anything but a large effect about 60."
-        )
-    rng = np.random.default_rng([seed, 7])
-    repeated = actions[count > 1] if (count > 1).sum() >= _FEWEST_REPEATED else actions[:0]
-    wanted = max(round(_TEST * len(actions)), 3)
-    test = rng.permutation(repeated)[:wanted]
-    left = np.setdiff1d(actions, test)
-    block = measured.block[first[np.searchsorted(actions, left)]]
-    order = rng.permutation(np.unique(block))
-    by_block = [left[block == b] for b in order]
-    taken = np.concatenate(by_block)
-    if len(test) < wanted:
-        test, taken = np.concatenate([test, taken[: wanted - len(test)]]), taken[wanted - len(test) :]
-    confirming = max(round(_CONFIRMATION * len(actions)), 3)
-    parts = taken[confirming:], taken[:confirming], test
-    return Splits(*(np.flatnonzero(np.isin(measured.action, part)) for part in parts))
 
 
 class Floor(NamedTuple):

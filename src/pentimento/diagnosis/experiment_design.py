@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
+from pentimento.diagnosis.diagnose import Result
 from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.problem import M
 from pentimento.diagnosis.score import projected_scores
-from pentimento.diagnosis.verdict import DiagnosisResult
 
 Array = NDArray[Any]
 
@@ -185,13 +186,13 @@ def detectable(statistics: Statistics, columns: Columns) -> dict[str, float]:
     return found
 
 
-def questions(diagnosis: DiagnosisResult, found: Aliasing) -> list[Question]:
+def questions(result: Result[M], found: Aliasing) -> list[Question]:
     """What the next actions should decide.
 
     Named causes against their rivals and aliased causes. Without such pairs: the quantities of the named causes.
     Without named causes: the strongest candidate against what it is aliased with, or against the second strongest.
     """
-    named = {f.cause: f.rivals for f in (*diagnosis.established, *diagnosis.suspected)}
+    named = {f.cause: f.rivals for f in (*result.established, *result.suspected)}
     known = set(found.causes)
     seen = {c: tuple(r for r in rivals if r in known) for c, rivals in named.items() if c in known}
     pairs: list[Question] = list(aliased_pairs(found, seen))
@@ -199,8 +200,7 @@ def questions(diagnosis: DiagnosisResult, found: Aliasing) -> list[Question]:
         return pairs
     if seen:
         return [(cause,) for cause in seen]
-    evidence = diagnosis.search.steps[-1].evidence if diagnosis.search.steps else {}
-    strongest = [cause for _, cause in sorted((e.p, cause) for cause, e in evidence.items() if cause in known)]
+    strongest = sorted((c for c in result.others if c in known), key=lambda c: result.others[c].p)
     if len(strongest) < 2:
         return []
     return list(aliased_pairs(found, {strongest[0]: ()})) or [(strongest[0], strongest[1])]

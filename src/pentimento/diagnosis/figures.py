@@ -12,8 +12,10 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pentimento.diagnosis.diagnose import Result
 from pentimento.diagnosis.experiment_design import ALIASED, Aliasing, Columns, aliasing, detectable
 from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.problem import M
 from pentimento.diagnosis.residual_structure import (
     Dependence,
     dependences,
@@ -21,7 +23,6 @@ from pentimento.diagnosis.residual_structure import (
     robust_deviations,
 )
 from pentimento.diagnosis.temporal_drift import TemporalDrift
-from pentimento.diagnosis.verdict import STROKES, DiagnosisResult, Kind
 from pentimento.report.figures import BLUE, INK, OCHRE, drawing, png
 
 Array = NDArray[Any]
@@ -204,9 +205,9 @@ def dependence(screening: Screening[Any, Any]) -> bytes:
         return png(figure)
 
 
-def drift_curve(drifts: TemporalDrift) -> bytes:
+def drift_curve(drift: TemporalDrift) -> bytes:
     """The drifting mode, row by row in the order of execution, and its running mean."""
-    amount = drifts.amount
+    amount = drift.amount
     window = np.ones(_NEIGHBOURS)
     mean = np.convolve(amount, window, "same") / np.convolve(np.ones_like(amount), window, "same")
     with drawing():
@@ -215,7 +216,7 @@ def drift_curve(drifts: TemporalDrift) -> bytes:
         axes.axhline(0.0, color="#deded8", lw=1.0, zorder=1)
         axes.plot(amount, "o", color=QUIET, ms=3.5, zorder=2)
         axes.plot(mean, color=OCHRE, lw=2.0, zorder=3)
-        axes.set(xlabel="order of execution", ylabel=drifts.mode, xlim=(-1, len(amount)))
+        axes.set(xlabel="order of execution", ylabel=drift.mode, xlim=(-1, len(amount)))
         return png(figure)
 
 
@@ -241,23 +242,23 @@ def aliasing_heat(found: Aliasing, named: Sequence[str]) -> bytes:
         return png(figure)
 
 
-def leave_one_out(diagnosis: DiagnosisResult, given_mse: float | None = None, kind: Kind = STROKES) -> bytes:
+def leave_one_out(result: Result[M], given_mse: float | None = None) -> bytes:
     """Errors on the test split: a given model, the base, the extended model without each cause and with all, the floor.
 
     The effects of causes do not add up: of two that displace a mark, one alone may do as well, or neither.
     """
-    base, extended = float(diagnosis.base_losses.mean()), float(diagnosis.extended_losses.mean())
-    floor = diagnosis.floor
+    base, extended = float(result.base_losses.mean()), float(result.extended_losses.mean())
+    floor = result.floor
     with drawing():
         bars: list[tuple[str, float, float, str, bool]] = [("base", 0.0, base, OCHRE, False)]
         if given_mse is not None:
             bars.insert(0, ("given\nmodel", 0.0, given_mse, INK, False))
-        for finding in diagnosis.established:
-            low, high = sorted((extended, finding.missed_without))
-            colour = GREEN if finding.missed_without >= extended else "#a33a3a"
+        for finding in result.established:
+            low, high = sorted((extended, finding.mse_without))
+            colour = GREEN if finding.mse_without >= extended else "#a33a3a"
             bars.append((f"without\n{finding.cause}", low, high, colour, False))
         bars.append(("extended", 0.0, extended, BLUE, False))
-        left = max(diagnosis.unexplained, key=lambda one: one.generic_gain, default=None)
+        left = max(result.structure.unexplained, key=lambda one: one.generic_gain, default=None)
         if left is not None and left.generic_gain * extended > _MIN_BAR * base:
             generic = f"− generic:\n{left.mode} by\n{left.covariate}"
             bars.append((generic, extended * (1 - left.generic_gain), extended, QUIET, True))
@@ -274,7 +275,7 @@ def leave_one_out(diagnosis: DiagnosisResult, given_mse: float | None = None, ki
         if floor is not None:
             axes.axhspan(*floor.interval, color="#bdbdb6", alpha=0.4, lw=0)
         axes.set_xticks(range(len(bars)), [name for name, *_ in bars])
-        axes.set_ylabel(f"mean squared error, {kind.unit}")
+        axes.set_ylabel(f"mean squared error, {result.known.unit}")
         axes.margins(y=0.12)
         axes.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
         return png(figure)

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pentimento.diagnosis import figures
+from pentimento.diagnosis.diagnose import Finding, Result
 from pentimento.diagnosis.experiment_design import ALIASED, aliasing_sentences
 from pentimento.diagnosis.figures import Screening
-from pentimento.diagnosis.score import Evidence
-from pentimento.diagnosis.verdict import DiagnosisResult, Finding, Kind
+from pentimento.diagnosis.problem import M
+from pentimento.diagnosis.search import Test
 from pentimento.report.templates import render
 from pentimento.report.wording import decimal, percent
 
@@ -21,6 +22,7 @@ class CauseRow(NamedTuple):
 
     name: str
     verdict: str
+    probability: str = ""
     gain: str = ""
     share: float = 0.0
     """The gain as a number, for its bar."""
@@ -43,11 +45,10 @@ class CauseRow(NamedTuple):
 
 def render_report(
     template_name: str,
-    diagnosis: DiagnosisResult,
+    result: Result[M],
     screening: Screening[Any, Any],
     *,
     verdict: Mapping[str, Any],
-    kind: Kind,
     drawn: Mapping[str, bytes],
     pairs: Mapping[tuple[str, str], tuple[float, float]],
     **values: Any,
@@ -58,22 +59,21 @@ def render_report(
 
     Args:
         template_name: extends ``diagnosis.html``.
-        diagnosis: the result.
+        result: of the diagnosis.
         screening: what is drawn.
         verdict: content of ``verdict.json``.
-        kind: of the rows.
         drawn: figures of the rows' own kind, PNG by file name.
         pairs: aliasing of pairs of causes now, and with the proposed actions.
         values: further variables of the template.
     """
-    files = shared_figures(diagnosis, screening, kind, verdict["mse"].get("given")) | dict(drawn)
+    files = shared_figures(result, screening, verdict["mse"].get("given")) | dict(drawn)
     page = render(
         template_name,
-        lead=lead(diagnosis),
+        lead=lead(result),
         verdict=verdict,
-        rows=kind.name,
-        unit=kind.unit,
-        causes=cause_rows(diagnosis, screening),
+        rows=result.known.kind,
+        unit=result.known.unit,
+        causes=cause_rows(result, screening),
         figures=files,
         aliased=aliasing_sentences(screening.aliasing),
         aliased_above=ALIASED,
@@ -83,57 +83,52 @@ def render_report(
     return {f"figures/{name}": data for name, data in files.items()} | {"report.html": page.encode("utf-8")}
 
 
-def shared_figures(
-    diagnosis: DiagnosisResult, screening: Screening[Any, Any], kind: Kind, given_mse: float | None
-) -> dict[str, bytes]:
+def shared_figures(result: Result[M], screening: Screening[Any, Any], given_mse: float | None) -> dict[str, bytes]:
     """The figures that strokes and pushes share, PNG by file name."""
-    named = [finding.cause for finding in (*diagnosis.established, *diagnosis.suspected)]
+    named = [finding.cause for finding in (*result.established, *result.suspected)]
     files = {
-        "leave_one_out.png": figures.leave_one_out(diagnosis, given_mse, kind),
+        "leave_one_out.png": figures.leave_one_out(result, given_mse),
         "aliasing.png": figures.aliasing_heat(screening.aliasing, named),
     }
     if screening.covariates:
-        structured = {(left.mode, left.covariate) for left in diagnosis.unexplained}
+        structured = {(left.mode, left.covariate) for left in result.structure.unexplained}
         files["modes.png"] = figures.mode_heat(screening, structured)
         files["dependence.png"] = figures.dependence(screening)
-    if diagnosis.drifts is not None:
-        files["temporal_drift.png"] = figures.drift_curve(diagnosis.drifts)
+    if result.drift is not None:
+        files["temporal_drift.png"] = figures.drift_curve(result.drift)
     return files
 
 
-def lead(diagnosis: DiagnosisResult) -> str:
+def lead(result: Result[M]) -> str:
     """The result in a few words."""
-    if diagnosis.established:
-        return ", ".join(finding.cause for finding in diagnosis.established).replace("_", " ").capitalize() + "."
-    if diagnosis.unexplained:
-        left = diagnosis.unexplained[0]
+    if result.established:
+        return ", ".join(finding.cause for finding in result.established).replace("_", " ").capitalize() + "."
+    if result.structure.unexplained:
+        left = result.structure.unexplained[0]
         return f"An effect that no known cause explains: {left.mode} depends on {left.covariate}."
-    if diagnosis.drifts:
-        return f"An effect that nobody recorded: {diagnosis.drifts.mode} drifts from one action to the next."
+    if result.drift:
+        return f"An effect that nobody recorded: {result.drift.mode} drifts from one action to the next."
     return "No known cause is established."
 
 
-def cause_rows(diagnosis: DiagnosisResult, screening: Screening[Any, Any]) -> list[CauseRow]:
+def cause_rows(result: Result[M], screening: Screening[Any, Any]) -> list[CauseRow]:
     """Established and suspected causes, then all others by p, then those that these rows cannot show."""
-    rows = [_of_finding(f, "established", screening) for f in diagnosis.established]
-    rows += [_of_finding(f, "suspected", screening) for f in diagnosis.suspected]
-    named = {row.name for row in rows} | {"uneven_ends"}  # which belong to the base
-    last = diagnosis.search.steps[-1].evidence if diagnosis.search.steps else {}
-    others = sorted((e.p_adjusted, e.p, cause) for cause, e in last.items() if cause not in named)
-    rows += [_of_evidence(cause, last[cause], screening) for _, _, cause in others]
-    return rows + [
-        CauseRow(cause, "not observable", reason=reason) for cause, reason in diagnosis.search.not_observable.items()
-    ]
+    rows = [_of_finding(f, "established", screening) for f in result.established]
+    rows += [_of_finding(f, "suspected", screening) for f in result.suspected]
+    error = float(result.known.losses(result.decided.model).mean())
+    for cause, test in sorted(result.others.items(), key=lambda item: item[1].p):
+        rows.append(_of_test(cause, test, error, screening))
+    return rows + [CauseRow(cause, "not observable", reason=why) for cause, why in result.known.unobservable.items()]
 
 
 def _of_finding(finding: Finding, verdict: str, screening: Screening[Any, Any]) -> CauseRow:
     return CauseRow(
         finding.cause,
         verdict,
+        probability=f"{finding.probability:.2f}",
         gain=_share(finding.gain),
         share=finding.gain,
         interval=_between(finding.gain_interval),
-        p=_number(finding.p_adjusted),
         quantities=[
             f"{name} {_number(value)}\u00a0±\u00a0{_number(error, 1)}"
             for name, (value, error) in finding.values.items()
@@ -144,13 +139,12 @@ def _of_finding(finding: Finding, verdict: str, screening: Screening[Any, Any]) 
     )
 
 
-def _of_evidence(cause: str, evidence: Evidence, screening: Screening[Any, Any]) -> CauseRow:
+def _of_test(cause: str, test: Test, error: float, screening: Screening[Any, Any]) -> CauseRow:
     return CauseRow(
         cause,
         "",
-        gain=_share(evidence.gain),
-        interval=_between(evidence.gain_interval),
-        p=_number(evidence.p_adjusted),
+        gain=_share(test.gain / error),
+        p=_number(test.p),
         aliased=_aliased(cause, screening),
         detectable=_detectable(cause, screening),
     )

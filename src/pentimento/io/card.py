@@ -18,7 +18,7 @@ from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import CheckedTable, read_table
 from pentimento.diagnosis.experiment_design import aliasing_sentences
 from pentimento.diagnosis.pushes.measured import measure
-from pentimento.diagnosis.pushes.search import observable_causes
+from pentimento.diagnosis.pushes.problem import observable_causes
 from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import Measured, load_measured

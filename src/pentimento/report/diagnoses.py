@@ -37,8 +37,8 @@ def read_diagnosis(tool: str, folder: Path) -> DiagnosisInputs:
     path = folder / "verdict.json"
     try:
         verdict = json.loads(path.read_text(encoding="utf-8"))
-        if verdict["schema"] != 1:
-            raise ValueError(f"schema {verdict['schema']}, not 1")
+        if verdict["schema"] != 2:
+            raise ValueError(f"schema {verdict['schema']}, not 2")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ContractError(f"{path} is not a verdict ({error}); run the stage diagnose_gap again.") from error
     drawn = {name: folder / "figures" / f"{name}.png" for name in _FIGURES}
@@ -69,7 +69,7 @@ def _cause_rows(verdict: dict[str, Any]) -> list[tuple[str, ...]]:
     return [
         (
             entry["cause"],
-            status,
+            f"{status} ({entry['probability']:.2f})",
             Markup(percent(entry["gain"]) + bar(entry["gain"])),
             "\u00a0… ".join(percent(bound) for bound in entry["gain_ci"]),
             Markup("<br>").join(f"{name} {_with_error(value)}" for name, value in entry["parameters"].items()),

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
 from pentimento.diagnosis.pushes.write import usable
 from pentimento.diagnosis.verdict import PUSHES, verdict
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, screen
 from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of

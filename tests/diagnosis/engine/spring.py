@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
-from pentimento.diagnosis.engine.simulator import Parameter, SimulatorProblem
+from pentimento.diagnosis.problem import Cause, Quantity, Rows
+from pentimento.diagnosis.simulator import Parameter, SimulatorProblem
 
 Array = NDArray[Any]
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.engine.decision import FEATURES, default_decision, features
-from pentimento.diagnosis.engine.diagnose import Result, diagnose
-from pentimento.diagnosis.engine.evidence import Evidence
-from pentimento.diagnosis.engine.rule import DecisionRule
-from pentimento.diagnosis.engine.simulator import FittedSimulator, SimulatorProblem
-from pentimento.diagnosis.engine.splits import split
-from pentimento.diagnosis.engine.verdict import verdict
-from tests.diagnosis.engine.spring import spring
+from pentimento.diagnosis.decision import FEATURES, default_decision, features
+from pentimento.diagnosis.diagnose import Result, diagnose
+from pentimento.diagnosis.evidence import Evidence
+from pentimento.diagnosis.rule import DecisionRule
+from pentimento.diagnosis.simulator import FittedSimulator, SimulatorProblem
+from pentimento.diagnosis.splits import split
+from pentimento.diagnosis.verdict import verdict
+from tests.diagnosis.spring import spring
 
 
 def _diagnosed(problem: SimulatorProblem) -> Result[FittedSimulator]:

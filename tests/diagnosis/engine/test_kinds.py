@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.engine.decision import default_decision
-from pentimento.diagnosis.engine.diagnose import diagnose
-from pentimento.diagnosis.engine.problem import Problem, columns_of
-from pentimento.diagnosis.engine.pushes import push_problem
-from pentimento.diagnosis.engine.rule import DecisionRule
-from pentimento.diagnosis.engine.strokes import stroke_problem
+from pentimento.diagnosis.decision import default_decision
+from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.problem import Problem, columns_of
+from pentimento.diagnosis.pushes.problem import push_problem
+from pentimento.diagnosis.rule import DecisionRule
+from pentimento.diagnosis.strokes.problem import stroke_problem
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField

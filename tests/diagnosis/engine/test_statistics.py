@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import gamma
 
 from pentimento.contracts.errors import ContractError
-from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
-from pentimento.diagnosis.engine.search import sign_flip_p
-from pentimento.diagnosis.engine.splits import split
+from pentimento.diagnosis.problem import Cause, Quantity, Rows
+from pentimento.diagnosis.search import sign_flip_p
+from pentimento.diagnosis.splits import split
 
 
 def test_the_gamma_approximation_has_the_exact_moments_of_all_sign_flips() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.evaluation import MIN_REPEATED, Floor, repeat_variances, weighted_floor
-from pentimento.diagnosis.pushes.jacobian import MM, action_losses, linearise_rows, residual
+from pentimento.diagnosis.pushes.jacobian import MM, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene
@@ -41,31 +41,6 @@ def noise_floor(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Flo
     """
     _, spread = _spread_of_repeats(model, measured)
     return weighted_floor(spread, np.ones(len(spread)), seed) if len(spread) >= MIN_REPEATED else None
-
-
-def floor_of_test_split(model: AnalyticPush, measured: MeasuredPushes, test: Array, seed: int) -> Floor | None:
-    """Noise floor of the rows ``test``.
-
-    A repeated action contributes its own spread. A single action contributes the mean spread of all repeated actions,
-    corrected for the effect of the same noise on its surface.
-    """
-    repeated, spread = _spread_of_repeats(model, measured)
-    if len(spread) < MIN_REPEATED:
-        return None
-    in_test = np.array([measured.action[rows[0]] in measured.action[test] for rows in repeated])
-    single = np.setdiff1d(measured.action[test], [measured.action[rows[0]] for rows in repeated])
-    noise = error_of_noise(model, measured, repeated)
-    usual = np.mean([noise[rows].mean() for rows in repeated])
-    more = [noise[measured.action == action].mean() - usual for action in single]
-    floor = weighted_floor(spread, in_test + len(single) / len(spread), seed)
-    return floor.moved(float(np.sum(more)) / int(in_test.sum() + len(single)))
-
-
-def floor_in_search(model: AnalyticPush, weighted: MeasuredPushes, discovery: Array, seed: int) -> float:
-    """Noise floor, weighted like the errors, mm²; at most the error of the rows ``discovery``; 0 where it is
-    unknown."""
-    noise = noise_floor(model, weighted, seed)
-    return min(noise.mse, float(action_losses(model, weighted.pick(discovery)).mean())) if noise else 0.0
 
 
 def _spread_of_repeats(model: AnalyticPush, measured: MeasuredPushes) -> tuple[list[Array], Array]:

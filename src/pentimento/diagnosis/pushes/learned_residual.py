@@ -3,8 +3,8 @@
 Boosted trees predict the residual pixel by pixel, cross-fitted by action as for strokes. Their features are the pixel's
 place relative to the tool's path, the command, and the surface; time, speed, dwell, place on the table, heading and
 history are excluded. The part of the prediction that looks like a cause is left in the residual. The trees are fitted
-twice, because execution noise hides the systematic part at first. In the end, the test split is predicted by one set of
-trees that is fitted to the whole discovery split.
+twice, because execution noise hides the systematic part at first. Other pushes get the mean
+prediction of all folds' trees.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.boosting import Trees, action_effect, cause_projection, cross_fitted, folds, grow
+from pentimento.diagnosis.boosting import Trees, action_effect, cause_projection, cross_fitted, folds
 from pentimento.diagnosis.pushes.floor import noise_derivatives
 from pentimento.diagnosis.pushes.jacobian import MM, linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
@@ -51,23 +51,6 @@ class LearnedPushResidual:
         """New pushes with their learned residual."""
         features, seen = _pixels(self.model, measured)
         return self._with_prediction(measured, seen, np.mean([trees.predict(features) for trees in self.trees], axis=0))
-
-    def refitted(self, measured: MeasuredPushes, rows: Array) -> tuple[LearnedPushResidual, MeasuredPushes]:
-        """Refit one set of trees to all pushes ``rows``; pushes outside ``rows`` get its prediction.
-
-        Args:
-            measured: pushes with the cross-fitted learned residual.
-        """
-        bare = replace(measured, learned_mm=np.zeros_like(measured.learned_mm))
-        features, seen = _pixels(self.model, measured)
-        push, weight = np.nonzero(seen)[0], measured.weight[seen]
-        left, target = (residual(self.model, pushes)[seen].astype(np.float64) for pushes in (measured, bare))
-        target -= action_effect(left, _noise_at(self.model, measured, seen), weight, push)
-        trees = grow(features, target, weight, used=np.isin(push, rows), count=_TREES)
-        learned_residual = replace(self, trees=(trees,))
-        learned_mm = learned_residual._with_prediction(bare, seen, trees.predict(features)).learned_mm
-        learned_mm[rows] = measured.learned_mm[rows]
-        return learned_residual, replace(measured, learned_mm=learned_mm)
 
     def _with_prediction(self, measured: MeasuredPushes, seen: Array, predicted: Array) -> MeasuredPushes:
         scene = measured.scene

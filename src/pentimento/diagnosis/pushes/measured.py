@@ -1,16 +1,14 @@
-"""Measured pushes as a diagnosis uses them: windows around each push, covariates, denoised scans, and the data
-splits."""
+"""Measured pushes as a diagnosis uses them: windows around each push, covariates, denoised scans."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.evaluation import Actions, split
 from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of, smoothed_periods
 from pentimento.dynamics.pushes.measured import PushSamples
 
@@ -125,43 +123,3 @@ def _denoised(height_m: Array) -> Array:
     if noise < 1e-4:
         return height_m
     return np.asarray(cv2.bilateralFilter(height_mm, 5, 4 * noise, 1.2) / 1e3, dtype=np.float32)
-
-
-class PushSplits(NamedTuple):
-    """Row indices of the two splits; all rows of one action are in one split."""
-
-    discovery: Array
-    test: Array
-
-
-def split_pushes(measured: Actions, seed: int) -> PushSplits:
-    """Discovery split (80 % of the actions) and test split (20 %); half of the test actions are repeated, where there
-    are enough.
-
-    The noise floor is estimated from repeats. Repeats are pushed into fresh material, so alone they would hide effects
-    of the history. The other half of the test split are whole blocks of single actions.
-
-    There is no separate confirmation split (docs/diagnosis.md §2): the test split confirms. Pushes differ from their
-    repeats mostly by their depth, so backlash and hardening need many pushes to be detected, and a second fifth
-    confirms less than a third more discovery pushes find.
-
-    Raises:
-        ContractError: too few actions.
-    """
-    test_actions = np.unique(measured.action[split(measured, seed).test])
-    actions, count = np.unique(measured.action, return_counts=True)
-    repeated = actions[count > 1]
-    if np.isin(test_actions, repeated).all() and len(test_actions) >= 4:  # otherwise the test split has blocks already
-        rng = np.random.default_rng([seed, 17])
-        replaced = rng.permutation(test_actions)[len(test_actions) // 2 :]
-        single = np.setdiff1d(actions, repeated)
-        first = {action: int(np.flatnonzero(measured.action == action)[0]) for action in single.tolist()}
-        block = np.array([measured.block[first[action]] for action in single.tolist()])
-        whole_blocks: list[int] = []
-        for one in rng.permutation(np.unique(block)):
-            if len(whole_blocks) >= len(replaced):
-                break
-            whole_blocks += single[block == one].tolist()
-        test_actions = np.union1d(np.setdiff1d(test_actions, replaced), whole_blocks)
-    in_test = np.isin(measured.action, test_actions)
-    return PushSplits(np.flatnonzero(~in_test), np.flatnonzero(in_test))

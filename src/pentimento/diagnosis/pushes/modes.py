@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.pushes.jacobian import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.diagnosis.residual_structure import ModeScores, Structure, find_structure
+from pentimento.diagnosis.residual_structure import ModeScores
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene
 from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled, spread
@@ -66,12 +66,6 @@ def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> ModeScores:
     curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
     energy = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
     return ModeScores(slope[:, -len(MODES) :] / np.maximum(energy, 1e-12), energy, float(error.mean()))
-
-
-def structured_residual(model: AnalyticPush, measured: MeasuredPushes, seed: int) -> Structure:
-    """Dependences of the modes on the covariates that vary."""
-    scores, columns = mode_scores(model, measured), varying_covariates(measured)
-    return find_structure(MODES, scores, columns, action=measured.action, seed=seed)
 
 
 def varying_covariates(measured: MeasuredPushes) -> dict[str, Array]:

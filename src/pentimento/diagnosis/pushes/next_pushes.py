@@ -26,11 +26,10 @@ from pentimento.diagnosis.experiment_design import (
     questions,
 )
 from pentimento.diagnosis.figures import Screening, screening_of
-from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.jacobian import linearise, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
-from pentimento.diagnosis.pushes.search import observable_causes
+from pentimento.diagnosis.pushes.problem import PushResult, observable_causes, with_learned_residual
 from pentimento.dynamics.pushes.analytic import AnalyticPush
 from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start, swept_m
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
@@ -62,13 +61,13 @@ class PushProposal(NamedTuple):
     """Of each pair of causes: so far, and predicted with these pushes."""
 
 
-def proposal_for(diagnosis: PushDiagnosis, seen: PushScreening, seed: int) -> PushProposal:
+def proposal_for(result: PushResult, seen: PushScreening, seed: int) -> PushProposal:
     """The next pushes after a diagnosis; none where no question is open."""
-    asked = questions(diagnosis, seen.aliasing)
+    asked = questions(result, seen.aliasing)
     if not asked:
         return PushProposal(np.zeros((0, 5)), {}, (), {})
     wanted = {cause for question in asked for cause in question}
-    wanted |= {mechanism.cause for mechanism in diagnosis.extended.mechanisms}
+    wanted |= {mechanism.cause for mechanism in result.extended.model.mechanisms}
     kept = tuple(mechanism for mechanism in seen.full.mechanisms if mechanism.cause in wanted)
     return propose(replace(seen.full, mechanisms=kept), seen.measured, asked, seed=seed)
 
@@ -214,19 +213,19 @@ def _aliasing_before_and_after(
     return {pair: (pair_aliasing(so_far, columns, pair), pair_aliasing(total, columns, pair)) for pair in pairs}
 
 
-def screen(diagnosis: PushDiagnosis) -> PushScreening:
+def screen(result: PushResult) -> PushScreening:
     """Screen the residuals of base and extended model over all pushes."""
-    measured = diagnosis.measured
-    there = {mechanism.cause for mechanism in diagnosis.extended.mechanisms}
+    measured = with_learned_residual(result)
+    there = set(result.extended.causes)
     others, _ = observable_causes(measured, [kind for kind in VOCABULARY if kind.cause not in there])
-    full = diagnosis.extended.plus(*others.values())
+    full = result.extended.model.plus(*others.values())
     base, extended = (
         (mode_scores(model, measured).amounts, np.where(measured.valid, residual(model, measured), np.nan))
-        for model in (diagnosis.base, diagnosis.extended)
+        for model in (result.base.model, result.extended.model)
     )
     return screening_of(
         measured,
-        measured.pick(diagnosis.splits.test),
+        measured.pick(result.splits.test),
         full,
         linearise(full, measured),
         columns_of(full),

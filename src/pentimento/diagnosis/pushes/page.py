@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from pentimento.contracts.frames import canvas_to_pixel
 from pentimento.diagnosis.figures import ResidualMap, residual_maps
 from pentimento.diagnosis.page import render_report
-from pentimento.diagnosis.pushes.diagnose import PushDiagnosis
 from pentimento.diagnosis.pushes.jacobian import MM
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.next_pushes import PushProposal, PushScreening
-from pentimento.diagnosis.verdict import PUSHES
+from pentimento.diagnosis.pushes.problem import PushResult
 from pentimento.report.figures import BLUE, ERROR_COLOURS, INK, OCHRE, drawing, png, shared_top
 
 Array = NDArray[Any]
@@ -32,14 +31,14 @@ _CELL_MM = 0.8
 
 
 def build_page(
-    diagnosis: PushDiagnosis, screening: PushScreening, proposal: PushProposal, verdict: Mapping[str, Any]
+    result: PushResult, screening: PushScreening, proposal: PushProposal, verdict: Mapping[str, Any]
 ) -> dict[str, bytes]:
     """``report.html``, which holds every figure, and the figures as ``figures/<name>.png``."""
     maps = [
         push_map(residual, screening.measured) for residual in (screening.base_residual, screening.extended_residual)
     ]
     drawn = {
-        "pushes.png": push_sheet(diagnosis, screening),
+        "pushes.png": push_sheet(result, screening),
         "residual_push.png": residual_maps(
             maps[0], maps[1], "mm along the travel from the start", y_label="mm to the left", square=True, unit="mm"
         ),
@@ -47,15 +46,15 @@ def build_page(
     if len(proposal.action):
         drawn["next_actions.png"] = proposal_lines(proposal, screening.measured)
     return render_report(
-        "diagnosis_pushes.html", diagnosis, screening, verdict=verdict, kind=PUSHES, drawn=drawn,
-        pairs=proposal.aliasing, splits=diagnosis.splits, proposed=len(proposal.action),
+        "diagnosis_pushes.html", result, screening, verdict=verdict, drawn=drawn,
+        pairs=proposal.aliasing, splits=result.splits, proposed=len(proposal.action),
     )  # fmt: skip
 
 
-def push_sheet(diagnosis: PushDiagnosis, screening: PushScreening, shown: int = 5) -> bytes:
+def push_sheet(result: PushResult, screening: PushScreening, shown: int = 5) -> bytes:
     """Test pushes, from the one that the extension improves most to the one that it improves least: shaded surfaces."""
     test = screening.test
-    models = {"base": diagnosis.base, "extended": diagnosis.extended}
+    models = {"base": result.base.model, "extended": result.extended.model}
     predicted = {
         name: test.scene.before + model.change(test.scene) + test.learned_mm / np.float32(MM)
         for name, model in models.items()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,14 +15,13 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
+from pentimento.diagnosis.diagnose import diagnose, gap_closed_on
 from pentimento.diagnosis.pushes.fit import fit
-from pentimento.diagnosis.pushes.floor import noise_floor
-from pentimento.diagnosis.pushes.jacobian import action_losses
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, MeasuredPushes, cropped, measure
 from pentimento.diagnosis.pushes.next_pushes import as_table, proposal_for, screen
 from pentimento.diagnosis.pushes.page import build_page
-from pentimento.diagnosis.verdict import NEXT_ACTIONS, PUSHES, verdict
+from pentimento.diagnosis.pushes.problem import PushResult, push_problem, with_learned_residual
+from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict
 from pentimento.dynamics.pushes.analytic import model_as_json
 from pentimento.dynamics.pushes.analytic_correction import Correction, split_hidden
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
@@ -39,10 +39,10 @@ def write_push_diagnosis(
     log: Callable[[str], None],
     outside: pa.Table | None = None,
     left_out: str | None = None,
-) -> PushDiagnosis:
+) -> PushResult:
     """Diagnose rows of the pushes contract and write the result into the folder ``out``.
 
-    Files: ``verdict.json`` (schema 1, errors in mm²), ``report.html`` and ``figures/``, ``extended_model.json``,
+    Files: ``verdict.json`` (schema 2, errors in mm²), ``report.html`` and ``figures/``, ``extended_model.json``,
     ``next_actions.parquet``. Each is written atomically; the verdict comes last. Nothing is written when the rows allow
     no diagnosis.
 
@@ -62,30 +62,31 @@ def write_push_diagnosis(
     for note in notes:
         log(note)
     other = None if outside is None else usable(outside, measured.scene.half_width_m)
-    found = diagnose(measured, VOCABULARY, seed, log=log)
-    other_gap_closed = None
+    problem = push_problem(measured, VOCABULARY, seed)
+    result = diagnose(problem, seed=seed, log=log)
+    shifted = None
     if other is not None:
         notes += ["Of the outside table: " + line for line in other[1]]
         try:
-            other_gap_closed = out_of_distribution_gap_closed(other[0], found, seed)
-            if other_gap_closed is None:
+            outside_problem = replace(problem, measured=other[0])
+            shifted = gap_closed_on(outside_problem, result, base=result.base, extended=result.extended)
+            if shifted is None:
                 notes.append("On the outside table the base model has no known gap above a noise floor.")
         except NotObservable as reason:
             notes.append(f"The extended model cannot be tested on the outside table: {reason}.")
     log("drawing the report")
-    screening = screen(found)
-    proposal = proposal_for(found, screening, seed)
-    actions = len(set(measured.action.tolist()))
-    result = verdict(found, len(measured), actions, shifted=other_gap_closed, notes=notes, kind=PUSHES)
-    files = build_page(found, screening, proposal, result)
+    screening = screen(result)
+    proposal = proposal_for(result, screening, seed)
+    content = verdict(result, shifted=shifted, notes=notes)
+    files = build_page(result, screening, proposal, content)
     parquet = io.BytesIO()
     pq.write_table(as_table(proposal), parquet, compression="zstd")
     files[NEXT_ACTIONS] = parquet.getvalue()
-    files["extended_model.json"] = _json(model_as_json(found.extended, measured.scene.half_width_m))
-    files["verdict.json"] = _json(result)
+    files["extended_model.json"] = _json(model_as_json(result.extended.model, measured.scene.half_width_m))
+    files["verdict.json"] = _json(content)
     for name, data in files.items():
         atomic_write(out / name, data)
-    return found
+    return result
 
 
 def usable(table: pa.Table, half_width_m: float | None = None) -> tuple[MeasuredPushes, list[str]]:
@@ -96,23 +97,6 @@ def usable(table: pa.Table, half_width_m: float | None = None) -> tuple[Measured
 
 def _json(content: object) -> bytes:
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
-
-
-def out_of_distribution_gap_closed(outside: MeasuredPushes, diagnosis: PushDiagnosis, seed: int) -> float | None:
-    """Fraction of the gap above the noise floor that the extension closes on other pushes.
-
-    None where the floor is unknown, or no gap is above it. ``outside`` has the same half-width of the footprint as the
-    diagnosed pushes.
-
-    Raises:
-        NotObservable: the table lacks a column that the extended model depends on.
-    """
-    outside = diagnosis.learned_residual.of(outside)
-    before, after = (float(action_losses(m, outside).mean()) for m in (diagnosis.base, diagnosis.extended))
-    floor = noise_floor(diagnosis.extended, outside, seed) or diagnosis.floor
-    if floor is None or before <= floor.mse:
-        return None
-    return (before - after) / (before - floor.mse)
 
 
 class ValidatedCorrection(NamedTuple):
@@ -129,25 +113,25 @@ class ValidatedCorrection(NamedTuple):
 
 
 def validate_correction(
-    diagnosis: PushDiagnosis, samples: PushSamples, predicted: Array, *, held_out: Array, seed: int
+    result: PushResult, samples: PushSamples, predicted: Array, *, held_out: Array, seed: int
 ) -> ValidatedCorrection:
     """Fit the established causes to the network's training pushes, and validate the correction on held-out ones.
 
     Args:
-        diagnosis: of the same rows.
+        result: of the diagnosis of the same rows.
         samples: whole scans, on the diagnosis's pixels.
         predicted: heights [N, H, W] that the network predicts, metres, on the same pixels (``averaged``).
         held_out: numbers of the actions that the network was not trained on.
         seed: of the halves.
     """
-    measured = diagnosis.measured
+    measured = with_learned_residual(result)
     unseen = np.isin(measured.action, held_out)
     deciding_actions = np.random.default_rng([seed, 16]).permutation(held_out)[: len(held_out) // 2]
     deciding = np.isin(measured.action, deciding_actions)
     after = cropped(samples._replace(after=predicted.astype(np.float32))).after
     alone = _row_errors(after, measured)
     trained = measured.pick(np.flatnonzero(~unseen))
-    models = split_hidden(diagnosis.extended, lambda model: fit(model, trained))
+    models = split_hidden(result.extended.model, lambda model: fit(model, trained))
     rest = unseen & ~deciding
     if models is None:
         return ValidatedCorrection(None, (), None, (float(alone[rest].mean()),) * 2)

@@ -7,7 +7,7 @@ lies to its heading. No covariate of a cause is an input. Predictions for a stro
 
 The trees are fitted twice. The first fit serves to estimate each stroke's own displacement and width, which are removed
 from the target of the second. If the first trees find the tool symmetric, the second see mirrored pixels as one side.
-Test strokes get predictions of one set of trees that is fitted to all other strokes.
+Other strokes get the mean prediction of all folds' trees.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from pentimento.diagnosis.boosting import (
     cause_projection,
     cross_fitted,
     folds,
-    grow,
     predict_held_out,
 )
 from pentimento.diagnosis.strokes.fit import stiffened
@@ -83,26 +82,6 @@ class LearnedResidual:
         """The strokes with predictions; none of them may have been used for the fit."""
         pixels = _Pixels(self.model, measured, self.turned)
         return self._joined(measured, pixels, self._predict(pixels))
-
-    def learnt_from_all(self, measured: Measured, rows: Array) -> tuple[LearnedResidual, Measured]:
-        """Refit one set of trees to all strokes with the indices ``rows``, and predict the others with it.
-
-        Args:
-            measured: strokes with this model's predictions; those of ``rows`` keep theirs.
-            rows: indices of the strokes of the fit.
-        """
-        bare = replace(measured, residual_prediction=np.zeros_like(measured.residual_prediction))
-        pixels = _Pixels(self.model, bare, self.turned)
-        left = pixels.along_slope(residual(self.model, measured))
-        missing = pixels.along_slope(residual(self.model, bare))
-        missing -= action_effect(left, pixels.by_place_and_width, pixels.depth, pixels.stroke)
-        trees = grow(self._inputs_of(pixels), missing, pixels.depth, used=np.isin(pixels.stroke, rows), count=_TREES)
-        learned_residual = replace(self, trees=(trees,))
-        residual_prediction = learned_residual._joined(
-            bare, pixels, learned_residual._predict(pixels)
-        ).residual_prediction
-        residual_prediction[rows] = measured.residual_prediction[rows]
-        return learned_residual, replace(measured, residual_prediction=residual_prediction)
 
     def _inputs_of(self, pixels: _Pixels) -> Array:
         return one_sided(pixels.features) if self.mirrored else pixels.features

@@ -33,12 +33,12 @@ from pentimento.diagnosis.strokes.candidate_actions import (
     ranges_of,
     window_of,
 )
-from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.jacobian import linearise, linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown
 from pentimento.diagnosis.strokes.model import Model
 from pentimento.diagnosis.strokes.modes import MODES, mode_scores
 from pentimento.diagnosis.strokes.predict import residual
+from pentimento.diagnosis.strokes.problem import StrokeResult, with_learned_residual
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 
 Array = NDArray[Any]
@@ -60,13 +60,13 @@ class Proposal(NamedTuple):
     """Aliasing of each pair now, and predicted with these actions."""
 
 
-def proposal_for(diagnosis: Diagnosis, seen: Screening[Measured, Model], seed: int) -> Proposal:
+def proposal_for(result: StrokeResult, seen: Screening[Measured, Model], seed: int) -> Proposal:
     """The next strokes after a diagnosis; none where nothing is in question."""
-    asked = questions(diagnosis, seen.aliasing)
+    asked = questions(result, seen.aliasing)
     if not asked:
         return Proposal((), (), {})
     wanted = {cause for question in asked for cause in question}
-    wanted |= {mechanism.cause for mechanism in diagnosis.extended.mechanisms}
+    wanted |= {mechanism.cause for mechanism in result.extended.model.mechanisms}
     kept = tuple(mechanism for mechanism in seen.full.mechanisms if mechanism.cause in wanted)
     return propose(replace(seen.full, mechanisms=kept), seen.measured, asked, seed)
 
@@ -146,15 +146,16 @@ def as_table(proposal: Proposal, measured: Measured) -> pa.Table:
     )
 
 
-def screen(diagnosis: Diagnosis) -> Screening[Measured, Model]:
+def screen(result: StrokeResult) -> Screening[Measured, Model]:
     """Compare base and extended model over all strokes."""
-    measured, models = diagnosis.measured, (diagnosis.base, diagnosis.extended)
-    full = with_all(diagnosis.extended, measured, VOCABULARY)
+    measured = with_learned_residual(result)
+    models = result.base.model, result.extended.model
+    full = with_all(result.extended.model, measured, VOCABULARY)
     base_scores, extended_scores = (mode_scores(model, measured).amounts for model in models)
     base_residual, extended_residual = (_signed(model, measured) for model in models)
     return screening_of(
         measured,
-        measured.pick(diagnosis.splits.test),
+        measured.pick(result.splits.test),
         full,
         linearise(full, measured),
         columns_of(full),

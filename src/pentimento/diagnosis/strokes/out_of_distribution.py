@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.strokes.diagnose import Diagnosis
+from pentimento.diagnosis.diagnose import gap_closed_on
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model
-from pentimento.diagnosis.strokes.predict import action_losses, mean_squared_error, noise_floor
+from pentimento.diagnosis.strokes.predict import mean_squared_error
+from pentimento.diagnosis.strokes.problem import FittedStrokes, StrokeProblem, StrokeResult
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 
 Array = NDArray[Any]
@@ -42,23 +43,16 @@ def with_joint_paints(model: Model, paints: Array, measured: Measured) -> tuple[
     )
 
 
-def gap_closed_on(outside: Measured, diagnosis: Diagnosis, paints: Array, seed: int) -> float | None:
-    """(base - extended) / (base - floor) on an outside table, with its own floor where it repeats actions.
-
-    None where no floor is known, or where the base has no gap there.
+def gap_closed_outside(outside: Measured, problem: StrokeProblem, result: StrokeResult) -> float | None:
+    """Fraction of the gap that the extension closes on strokes of another table; see ``gap_closed_on``.
 
     Raises:
         NotObservable: the table lacks a column that the extended model depends on.
     """
-    models = diagnosis.base, diagnosis.extended, diagnosis.learned_residual.model
-    base, extended, seen_from = (with_joint_paints(model, paints, outside)[0] for model in models)
-    strokes = with_joint_paints(diagnosis.base, paints, outside)[1]
-    strokes = diagnosis.learned_residual.seen_from(seen_from).of(strokes)
-    floor = noise_floor(extended, strokes, seed) or diagnosis.floor
-    before, after = float(action_losses(base, strokes).mean()), float(action_losses(extended, strokes).mean())
-    if floor is None or before <= floor.mse:
-        return None
-    return (before - after) / (before - floor.mse)
+    paints = paints_of(problem.measured)
+    base, extended = (with_joint_paints(fitted.model, paints, outside) for fitted in (result.base, result.extended))
+    other = replace(problem, measured=base[1], base=base[0])
+    return gap_closed_on(other, result, base=FittedStrokes(base[0]), extended=FittedStrokes(extended[0]))
 
 
 class UserBaseline(NamedTuple):

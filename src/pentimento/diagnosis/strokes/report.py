@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from pentimento.diagnosis.figures import GREEN, QUIET, ResidualMap, Screening, residual_maps
 from pentimento.diagnosis.page import render_report
-from pentimento.diagnosis.strokes.diagnose import Diagnosis
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model
 from pentimento.diagnosis.strokes.next_actions import Proposal
 from pentimento.diagnosis.strokes.out_of_distribution import UserBaseline
 from pentimento.diagnosis.strokes.predict import predicted
-from pentimento.diagnosis.verdict import STROKES
+from pentimento.diagnosis.strokes.problem import StrokeResult
 from pentimento.report.figures import BLUE, ERROR_COLOURS, OCHRE, drawing, png, shared_top
 from pentimento.report.wording import decimal
 
@@ -39,7 +38,7 @@ _HALF_WIDTHS = 4.0
 
 
 def build_page(
-    diagnosis: Diagnosis,
+    result: StrokeResult,
     screening: StrokeScreening,
     proposal: Proposal,
     verdict: Mapping[str, Any],
@@ -48,7 +47,7 @@ def build_page(
     """``report.html``, which holds every figure, and the figures as ``figures/<name>.png``.
 
     Args:
-        diagnosis: the result.
+        result: of the diagnosis.
         screening: what is drawn.
         proposal: the next strokes.
         verdict: content of ``verdict.json``.
@@ -57,7 +56,7 @@ def build_page(
     residuals, measured = (screening.base_residual, screening.extended_residual), screening.measured
     along = [stroke_map(residual, measured) for residual in residuals]
     drawn = {
-        "strokes.png": strokes(diagnosis, screening),
+        "strokes.png": strokes(result, screening),
         "residual_stroke.png": residual_maps(
             along[0], along[1], "share of the length", y_label="mm to the left", square=False
         ),
@@ -66,7 +65,7 @@ def build_page(
         canvas = [canvas_map(residual, measured) for residual in residuals]
         drawn["residual_canvas.png"] = residual_maps(canvas[0], canvas[1], "x / mm", y_label="y / mm", square=True)
     if given:
-        drawn["given_strokes.png"] = given_strokes(given, diagnosis, screening)
+        drawn["given_strokes.png"] = given_strokes(given, result, screening)
     if proposal.actions:
         drawn["next_actions.png"] = proposal_lines(proposal, screening)
     actions = [
@@ -74,20 +73,20 @@ def build_page(
         for number, (action, question) in enumerate(zip(proposal.actions, proposal.question, strict=True), 1)
     ]
     return render_report(
-        "diagnosis_strokes.html", diagnosis, screening, verdict=verdict, kind=STROKES, drawn=drawn,
-        pairs=proposal.aliasing, splits=diagnosis.splits, user_baseline=given is not None, actions=actions,
+        "diagnosis_strokes.html", result, screening, verdict=verdict, drawn=drawn,
+        pairs=proposal.aliasing, splits=result.splits, user_baseline=given is not None, actions=actions,
     )  # fmt: skip
 
 
-def strokes(diagnosis: Diagnosis, screening: StrokeScreening, shown: int = 5) -> bytes:
+def strokes(result: StrokeResult, screening: StrokeScreening, shown: int = 5) -> bytes:
     """Test strokes: photographs before and after, both predictions, both errors."""
-    base, extended = (predicted(model, screening.test) for model in (diagnosis.base, diagnosis.extended))
+    base, extended = (predicted(model, screening.test) for model in (result.base.model, result.extended.model))
     return _stroke_sheet(screening.test, {"base": base, "extended": extended}, shown)
 
 
-def given_strokes(given: UserBaseline, diagnosis: Diagnosis, screening: StrokeScreening, shown: int = 5) -> bytes:
+def given_strokes(given: UserBaseline, result: StrokeResult, screening: StrokeScreening, shown: int = 5) -> bytes:
     """The same with a user-supplied baseline model in the base's place."""
-    beside = {"given model": given.predicted, "extended": predicted(diagnosis.extended, screening.test)}
+    beside = {"given model": given.predicted, "extended": predicted(result.extended.model, screening.test)}
     return _stroke_sheet(screening.test, beside, shown)
 
 

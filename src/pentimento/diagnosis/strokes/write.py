@@ -13,11 +13,12 @@ import pyarrow.parquet as pq
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
-from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
+from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import model_as_json
 from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, screen
-from pentimento.diagnosis.strokes.out_of_distribution import evaluate_baseline, gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.out_of_distribution import evaluate_baseline, gap_closed_outside, paints_of
+from pentimento.diagnosis.strokes.problem import StrokeResult, stroke_problem
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.strokes.report import build_page
 from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict
@@ -39,10 +40,10 @@ def write_diagnosis(
     outside: pa.Table | None = None,
     left_out: str | None = None,
     given: Traj2StrokeParameters | None = None,
-) -> Diagnosis:
+) -> StrokeResult:
     """Diagnose rows of the strokes contract and write the result into the folder ``out``.
 
-    ``verdict.json`` (schema 1), ``report.html`` and ``figures/``, ``extended_model.json``, ``next_actions.parquet``.
+    ``verdict.json`` (schema 2), ``report.html`` and ``figures/``, ``extended_model.json``, ``next_actions.parquet``.
     Each file is complete or absent; the verdict is written last. Nothing is written when the rows allow no diagnosis.
 
     Args:
@@ -62,31 +63,31 @@ def write_diagnosis(
     for note in notes:
         log(note)
     other = None if outside is None else _usable(outside, "Of the outside table: ")
-    found = diagnose(measured, VOCABULARY, seed, log)
+    problem = stroke_problem(measured, VOCABULARY, seed)
+    result = diagnose(problem, seed=seed, log=log)
     shifted = None
     if other is not None:
         notes += other[1]
         try:
-            shifted = gap_closed_on(other[0], found, paints_of(measured), seed)
+            shifted = gap_closed_outside(other[0], problem, result)
             if shifted is None:
                 notes.append("On the outside table the base model has no known gap above a noise floor.")
         except NotObservable as reason:
             notes.append(f"The extended model cannot be tested on the outside table: {reason}.")
     log("drawing the report")
-    seen = screen(found)
-    proposal = proposal_for(found, seen, seed)
+    seen = screen(result)
+    proposal = proposal_for(result, seen, seed)
     beside = None if given is None else evaluate_baseline(given, seen.test)
-    actions = len(set(measured.action.tolist()))
-    result = verdict(found, len(measured), actions, shifted=shifted, notes=notes, given_mse=beside and beside.mse)
-    written = build_page(found, seen, proposal, result, beside)
+    content = verdict(result, shifted=shifted, notes=notes, given_mse=beside and beside.mse)
+    files = build_page(result, seen, proposal, content, beside)
     parquet = io.BytesIO()
     pq.write_table(as_table(proposal, measured), parquet, compression="zstd")
-    written[NEXT_ACTIONS] = parquet.getvalue()
-    written["extended_model.json"] = _json(model_as_json(found.extended, paints_of(measured)))
-    written["verdict.json"] = _json(result)
-    for name, data in written.items():
+    files[NEXT_ACTIONS] = parquet.getvalue()
+    files["extended_model.json"] = _json(model_as_json(result.extended.model, paints_of(measured)))
+    files["verdict.json"] = _json(content)
+    for name, data in files.items():
         atomic_write(out / name, data)
-    return found
+    return result
 
 
 def _usable(table: pa.Table, whose: str) -> tuple[Measured, list[str]]:
@@ -104,7 +105,7 @@ def diagnose_in_rounds(
     out: Path,
     rounds: int,
     *,
-    diagnosed: Callable[[pa.Table, str | None], Diagnosis],
+    diagnosed: Callable[[pa.Table, str | None], StrokeResult],
     made: Callable[[pa.Table, pa.Table, int], pa.Table],
     log: Callable[[str], None],
 ) -> pa.Table:
@@ -147,7 +148,7 @@ def diagnose_in_rounds(
     return table
 
 
-def _open_questions(found: Diagnosis) -> list[str]:
+def _open_questions(found: StrokeResult) -> list[str]:
     """Established causes with rivals that are not established themselves."""
     named = {finding.cause for finding in found.established}
     pairs = [(finding.cause, rival) for finding in found.established for rival in finding.rivals]

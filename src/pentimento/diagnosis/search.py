@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import gamma
 
-from pentimento.diagnosis.engine.problem import M, Problem, columns_of, values_of
-from pentimento.diagnosis.engine.rule import DecisionRule
 from pentimento.diagnosis.evaluation import SMALLEST_GAP
+from pentimento.diagnosis.problem import M, Problem, columns_of, values_of
+from pentimento.diagnosis.rule import DecisionRule
 from pentimento.diagnosis.score import held_out_gains, paired_p, projected_statistics
 
 Array = NDArray[Any]

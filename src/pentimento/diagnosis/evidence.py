@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.engine.problem import Cause, M, Problem, columns_of, values_of
-from pentimento.diagnosis.engine.rule import DecisionRule
-from pentimento.diagnosis.engine.search import above_floor, held_out_losses, score_tests
 from pentimento.diagnosis.gauss_newton import covariance
+from pentimento.diagnosis.problem import Cause, M, Problem, columns_of, values_of
 from pentimento.diagnosis.residual_structure import standardised
+from pentimento.diagnosis.rule import DecisionRule
 from pentimento.diagnosis.score import folds, projected_statistics
+from pentimento.diagnosis.search import above_floor, held_out_losses, score_tests
 
 Array = NDArray[Any]
 

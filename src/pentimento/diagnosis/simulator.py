@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.diagnosis.engine.problem import Cause, Rows
 from pentimento.diagnosis.evaluation import Floor, floor_of_repeats
 from pentimento.diagnosis.gauss_newton import Statistics, by_action, damped_step, predicted_decrease
+from pentimento.diagnosis.problem import Cause, Rows
 from pentimento.diagnosis.residual_structure import ModeScores
 
 Array = NDArray[Any]
@@ -61,6 +61,7 @@ class SimulatorProblem:
     """Nuisances; each is a residual mode, too."""
     causes: Mapping[str, Cause]
     all_rows: Rows
+    kind: str
     unit: str
     seed: int
     index: Array
@@ -70,6 +71,11 @@ class SimulatorProblem:
     def rows(self) -> Rows:
         """See ``Problem``."""
         return self.all_rows.pick(self.index)
+
+    @property
+    def unobservable(self) -> Mapping[str, str]:
+        """Every cause that is given is looked for."""
+        return {}
 
     @property
     def modes(self) -> tuple[str, ...]:

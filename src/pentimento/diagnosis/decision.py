@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.engine.evidence import Evidence
+from pentimento.diagnosis.evidence import Evidence
 
 Array = NDArray[Any]
 
@@ -59,5 +59,5 @@ class Decision:
 
 def default_decision() -> Decision:
     """The decision that ships with the package."""
-    stored = json.loads((resources.files("pentimento.diagnosis.engine") / "decision.json").read_text())
+    stored = json.loads((resources.files("pentimento.diagnosis") / "decision.json").read_text())
     return Decision(stored["intercept"], np.array([stored["weights"][name] for name in FEATURES]))

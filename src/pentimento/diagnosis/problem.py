@@ -62,6 +62,8 @@ class Rows:
     """int[B]: rows of equal value repeat one command."""
     block: Array
     """int[B]: rows of equal value stay in one split as far as possible."""
+    turn: Array
+    """int[B]: rank in the order of execution."""
     covariates: Mapping[str, Array]
     """float[B] each, without gaps."""
 
@@ -73,7 +75,7 @@ class Rows:
     def pick(self, rows: Array) -> Rows:
         """The rows with these indices."""
         columns = {name: values[rows] for name, values in self.covariates.items()}
-        return Rows(self.action[rows], self.block[rows], columns)
+        return Rows(self.action[rows], self.block[rows], self.turn[rows], columns)
 
 
 class Fitted(Protocol):
@@ -95,6 +97,10 @@ class Problem(Protocol[M]):
     """Measured rows and the model that should predict them. Errors are mean squares in ``unit``."""
 
     @property
+    def kind(self) -> str:
+        """What the rows are, in sentences: "strokes", "pushes" or another plural."""
+
+    @property
     def unit(self) -> str:
         """Of the errors, for people."""
 
@@ -105,6 +111,10 @@ class Problem(Protocol[M]):
     @property
     def causes(self) -> Mapping[str, Cause]:
         """The vocabulary, as far as the rows can show it, by name."""
+
+    @property
+    def unobservable(self) -> Mapping[str, str]:
+        """Causes that the rows cannot show, and why."""
 
     @property
     def modes(self) -> tuple[str, ...]:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.engine.mechanistic import FittedModel
-from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
+from pentimento.diagnosis.diagnose import Result
 from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.mechanistic import FittedModel
+from pentimento.diagnosis.problem import Cause, Quantity, Rows
 from pentimento.diagnosis.residual_structure import ModeScores
-from pentimento.diagnosis.strokes.candidates import is_physical
 from pentimento.diagnosis.strokes.fit import choose_mixing, first_model, fit, huber_weighted, stiffened
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.learned_residual import learn_residual
@@ -25,11 +25,18 @@ from pentimento.diagnosis.strokes.modes import MODES, mode_scores
 from pentimento.diagnosis.strokes.predict import action_losses, noise_floor
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
+from pentimento.dynamics.strokes.mechanisms.lens_distortion import LensDistortion
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
 FittedStrokes = FittedModel[Model]
+StrokeResult = Result[FittedStrokes]
+_MIN_ABSORBED = -0.5
+"""Lower bound of a lens's linear displacement at the strokes' edge, which rectification absorbs, relative to its cubic
+one."""
+_MAX_ABSORBED = 3.0
+"""Upper bound of the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +49,9 @@ class StrokeProblem:
     mechanisms: Mapping[str, Mechanism]
     """Of each cause, with all quantities 0."""
     causes: Mapping[str, Cause]
+    unobservable: Mapping[str, str]
     seed: int
+    kind: str = "strokes"
     unit: str = "sRGB"
     modes: tuple[str, ...] = MODES
 
@@ -50,7 +59,7 @@ class StrokeProblem:
     def rows(self) -> Rows:
         """See ``Problem``."""
         m = self.measured
-        return Rows(m.action, m.block, covariates_shown(m))
+        return Rows(m.action, m.block, m.turn, covariates_shown(m))
 
     def pick(self, rows: Array) -> Self:
         """See ``Problem``."""
@@ -98,24 +107,32 @@ class StrokeProblem:
         learned, measured = learn_residual(self.measured, model.model, rows, candidates=others, seed=self.seed)
 
         def predict(other: Self) -> Self:
-            return replace(other, measured=replace(learned.of(other.measured), weight=np.ones(len(other.measured))))
+            own = learned.model.color_offset
+            offsets = np.concatenate([own, other.base.color_offset[len(own) :]])  # paints of another table
+            known = learned.seen_from(replace(learned.model, color_offset=offsets))
+            return replace(other, measured=replace(known.of(other.measured), weight=np.ones(len(other.measured))))
 
         return replace(self, measured=huber_weighted(measured, model.model)), predict
 
 
 def stroke_problem(measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int) -> StrokeProblem:
     """The problem of measured strokes."""
-    seen, _ = observable_causes((*vocabulary, UnevenEnds), measured.context)
+    seen, unseen = observable_causes((*vocabulary, UnevenEnds), measured.context)
     causes = {name: _cause(mechanism) for name, mechanism in seen.items()}
-    return StrokeProblem(measured, first_model(measured), seen, causes, seed)
+    return StrokeProblem(measured, first_model(measured), seen, causes, unseen, seed)
+
+
+def with_learned_residual(result: StrokeResult) -> Measured:
+    """All strokes with the predictions of the learned residual model, cross-fitted outside the test split."""
+    rows = np.sort(np.concatenate(result.splits[:2])), result.splits.test
+    measured = cast(StrokeProblem, result.problem).measured
+    learned = np.zeros_like(measured.residual_prediction)
+    for index, part in zip(rows, (result.known, result.test), strict=True):
+        learned[index] = cast(StrokeProblem, part).measured.residual_prediction
+    return replace(measured, residual_prediction=learned)
 
 
 def _cause(mechanism: Mechanism) -> Cause:
-    typical = np.array([q.typical for q in mechanism.quantities])
-
-    def is_possible(values: Array) -> bool:
-        return is_physical(type(mechanism)(torch.tensor(values * typical), mechanism.reference))
-
     return Cause(
         name=mechanism.cause,
         quantities=tuple(Quantity(*q) for q in mechanism.quantities),
@@ -123,8 +140,17 @@ def _cause(mechanism: Mechanism) -> Cause:
         family=mechanism.driving_covariate,
         signature=mechanism.signature,
         named=not isinstance(mechanism, UnevenEnds),
-        is_possible=is_possible,
+        is_possible=_is_one_picture if isinstance(mechanism, LensDistortion) else None,
     )
+
+
+def _is_one_picture(lens: Array) -> bool:
+    """Whether a lens's cubic and absorbed linear displacement, in typical sizes, can belong to one rectified picture.
+
+    A purely linear displacement is a wrong scale and no lens.
+    """
+    cubic, absorbed = lens * [q.typical for q in LensDistortion.quantities]
+    return bool(_MIN_ABSORBED * cubic**2 <= absorbed * cubic <= _MAX_ABSORBED * cubic**2)
 
 
 def _at_typical_size(mechanism: Mechanism) -> Mechanism:

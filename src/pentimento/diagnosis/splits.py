@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.diagnosis.engine.problem import Rows
+from pentimento.diagnosis.problem import Rows
 
 Array = NDArray[Any]
 

@@ -4,30 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.engine.mechanistic import FittedModel
-from pentimento.diagnosis.engine.problem import Cause, Quantity, Rows
+from pentimento.diagnosis.diagnose import Result
 from pentimento.diagnosis.evaluation import Floor
 from pentimento.diagnosis.gauss_newton import Statistics
+from pentimento.diagnosis.mechanistic import FittedModel
+from pentimento.diagnosis.problem import Cause, Quantity, Rows
 from pentimento.diagnosis.pushes.fit import equalised, fit
 from pentimento.diagnosis.pushes.floor import noise_floor
 from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
 from pentimento.diagnosis.pushes.learned_residual import learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
-from pentimento.diagnosis.pushes.search import observable_causes
 from pentimento.diagnosis.residual_structure import ModeScores
-from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model
+from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
 from pentimento.dynamics.pushes.mechanisms import Mechanism
+from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
 
-
 FittedPushes = FittedModel[AnalyticPush]
+PushResult = Result[FittedPushes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,9 @@ class PushProblem:
     mechanisms: Mapping[str, Mechanism]
     """Of each cause, with all quantities 0."""
     causes: Mapping[str, Cause]
+    unobservable: Mapping[str, str]
     seed: int
+    kind: str = "pushes"
     unit: str = "mm²"
     modes: tuple[str, ...] = MODES
 
@@ -48,7 +51,7 @@ class PushProblem:
     def rows(self) -> Rows:
         """See ``Problem``."""
         m = self.measured
-        return Rows(m.action, m.block, varying_covariates(m))
+        return Rows(m.action, m.block, m.turn, varying_covariates(m))
 
     def pick(self, rows: Array) -> Self:
         """See ``Problem``."""
@@ -101,9 +104,33 @@ class PushProblem:
 
 def push_problem(measured: MeasuredPushes, vocabulary: Sequence[type[Mechanism]], seed: int) -> PushProblem:
     """The problem of measured pushes."""
-    seen, _ = observable_causes(measured, vocabulary)
+    seen, unseen = observable_causes(measured, vocabulary)
     causes = {name: _cause(mechanism) for name, mechanism in seen.items()}
-    return PushProblem(measured, first_model(measured.scene), seen, causes, seed)
+    return PushProblem(measured, first_model(measured.scene), seen, causes, unseen, seed)
+
+
+def observable_causes(
+    measured: MeasuredPushes, vocabulary: Sequence[type[Mechanism]]
+) -> tuple[dict[str, Mechanism], dict[str, str]]:
+    """The mechanism of each cause that these pushes can show, with all quantities 0; and of the others the reason."""
+    seen: dict[str, Mechanism] = {}
+    unseen: dict[str, str] = {}
+    for kind in vocabulary:
+        try:
+            seen[kind.cause] = identity(kind, measured.scene)
+        except NotObservable as reason:
+            unseen[kind.cause] = str(reason)
+    return seen, unseen
+
+
+def with_learned_residual(result: PushResult) -> MeasuredPushes:
+    """All pushes with the predictions of the learned residual model, cross-fitted outside the test split."""
+    rows = np.sort(np.concatenate(result.splits[:2])), result.splits.test
+    measured = cast(PushProblem, result.problem).measured
+    learned = np.zeros_like(measured.learned_mm)
+    for index, part in zip(rows, (result.known, result.test), strict=True):
+        learned[index] = cast(PushProblem, part).measured.learned_mm
+    return replace(measured, learned_mm=learned)
 
 
 def _cause(mechanism: Mechanism) -> Cause:
