@@ -10,14 +10,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pentimento.diagnosis.strokes.diagnose import diagnose
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.diagnosis.strokes.measured import load_measured
-from pentimento.diagnosis.verdict import DiagnosisResult
-from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.diagnosis.diagnose import Result
 from studies.blind.one_world import ROOT
 from studies.blind.pushes import make as pushes
 from studies.blind.pushes.collect import as_table as as_push_table
@@ -29,6 +27,7 @@ from studies.blind.series import seed_of
 from studies.blind.strokes import make as strokes
 from studies.blind.strokes.collect import as_table, record_world
 from studies.blind.strokes.design import view_of
+from studies.blind.strokes.verdict_of import verdict_on as stroke_verdict_on
 from studies.blind.strokes.worlds import sketch_world as sketch_strokes
 from studies.blind.table import commit_of_head
 from studies.blind.truth import StrengthError, Truth
@@ -69,12 +68,11 @@ class Pair:
     @property
     def of_the_effect(self) -> float | None:
         """Fraction of the error added by the effect that is removed; None where it adds none."""
-        return (
-            (self.base - self.extended) / (self.base - self.counterfactual) if self.counterfactual < self.base else None
-        )
+        added = self.base - self.counterfactual
+        return (self.base - self.extended) / added if added > 0 else None
 
 
-def pair_of(truth: Truth, world: DiagnosisResult, counterfactual: DiagnosisResult) -> Pair | None:
+def pair_of(truth: Truth, world: Result[Any], counterfactual: Result[Any]) -> Pair | None:
     """None where the cause is not named exactly, or the floor is not known."""
     if tuple(finding.cause for finding in world.established) != truth.causes or world.floor is None:
         return None
@@ -108,10 +106,7 @@ def stroke_pair(seed: int) -> Pair | None:
     counterfactual = as_table(
         recording, {name: table[name].to_numpy() for name in table.column_names if name not in own}
     )
-    return pair_of(
-        truth,
-        *(diagnose(load_measured(each), list(VOCABULARY), 0, lambda line: None) for each in (table, counterfactual)),
-    )
+    return pair_of(truth, *(stroke_verdict_on(each, 0).result for each in (table, counterfactual)))
 
 
 def push_pair(seed: int) -> Pair | None:

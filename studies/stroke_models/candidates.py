@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import torch
-from pentimento.diagnosis.strokes.diagnose import diagnose
 from torch import Tensor
 
 from pentimento.contracts.errors import ContractError
+from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
+from pentimento.diagnosis.strokes.problem import stroke_problem
 from pentimento.dynamics.strokes.evaluation import blank, fit_polyline, mean_iou, predict_with
 from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, predict_extended, timing_of
 from pentimento.dynamics.strokes.joint import fit_jointly
@@ -193,10 +194,11 @@ class Training:
     def _found_and_fitted(self, base: Traj2Stroke) -> tuple[StrokeModel, dict[str, Any]]:
         some = np.sort(np.random.default_rng([self.seed, 3]).permutation(self.table.num_rows)[:DIAGNOSED])
         started = time.process_time()
-        found = diagnose(load_measured(self.table.take(some)), VOCABULARY, self.seed, lambda _: None)
+        problem = stroke_problem(load_measured(self.table.take(some)), VOCABULARY, self.seed)
+        found = diagnose(problem, seed=self.seed, log=lambda _: None)
         diagnosing = time.process_time() - started
         names = [finding.cause for finding in found.established]
-        causes = [m for m in found.extended.mechanisms if m.cause in names]
+        causes = [m for m in found.extended.model.mechanisms if m.cause in names]
         timing = timing_of(self.strokes.covariates)
         # The base learnt from all of them: to hold some out from its extension alone would favour the base.
         joint = fit_jointly(

@@ -20,7 +20,7 @@ from pentimento.diagnosis.evidence import Evidence, Examined, evidence_for
 from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.problem import M, Problem, columns_of
 from pentimento.diagnosis.residual_structure import Structure, find_structure
-from pentimento.diagnosis.rule import DecisionRule
+from pentimento.diagnosis.rule import DEFAULT_RULE, DecisionRule
 from pentimento.diagnosis.search import Test, score_tests, search
 from pentimento.diagnosis.splits import Splits, split
 from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
@@ -113,7 +113,7 @@ def diagnose(
     seed: int,
     log: Callable[[str], None],
     decision: Decision | None = None,
-    rule: DecisionRule = DecisionRule(),
+    rule: DecisionRule = DEFAULT_RULE,
 ) -> Result[M]:
     """Diagnose measured rows.
 

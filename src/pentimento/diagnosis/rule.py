@@ -31,3 +31,6 @@ class DecisionRule:
     """Probability from which a cause is established."""
     suspected: float = 0.5
     """Probability from which a cause is suspected."""
+
+
+DEFAULT_RULE = DecisionRule()

@@ -12,22 +12,23 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.pushes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.pushes.problem import PushResult, push_problem
 from pentimento.diagnosis.pushes.write import usable
-from pentimento.diagnosis.verdict import PUSHES, verdict
+from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
 
 
-def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[dict[str, Any], PushDiagnosis]:
+def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[dict[str, Any], PushResult]:
     """The verdict on rows of the pushes contract; `without` removes a cause from the vocabulary."""
     measured, _ = usable(table)
     vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
-    found = diagnose(measured, vocabulary, seed, log=lambda line: None)
-    return verdict(found, len(measured), len(set(measured.action.tolist())), kind=PUSHES), found
+    result = diagnose(push_problem(measured, vocabulary, seed), seed=seed, log=lambda line: None)
+    return verdict(result), result
 
 
 def main() -> None:

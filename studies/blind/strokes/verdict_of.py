@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pentimento.diagnosis.strokes.diagnose import Diagnosis, diagnose
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.diagnosis.strokes.measured import Measured, load_measured
+from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, screen
-from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of
+from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_outside
+from pentimento.diagnosis.strokes.problem import StrokeProblem, StrokeResult, stroke_problem
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
@@ -32,9 +33,9 @@ class Diagnosed(NamedTuple):
     """Diagnosis of a table."""
 
     verdict: dict[str, Any]
-    diagnosis: Diagnosis
-    measured: Measured
+    problem: StrokeProblem
     """The rows that could be used."""
+    result: StrokeResult
 
 
 def verdict_on(table: pa.Table, seed: int, outside: pa.Table | None = None, without: str | None = None) -> Diagnosed:
@@ -44,14 +45,13 @@ def verdict_on(table: pa.Table, seed: int, outside: pa.Table | None = None, with
         outside: a table out of distribution, on which the fraction of the gap closed is measured, too.
         without: a cause to remove from the vocabulary.
     """
-    measured = load_measured(usable_rows(table).table)
     vocabulary = [kind for kind in VOCABULARY if kind.cause != without]
-    found = diagnose(measured, vocabulary, seed, lambda line: None)
+    problem = stroke_problem(load_measured(usable_rows(table).table), vocabulary, seed)
+    result = diagnose(problem, seed=seed, log=lambda line: None)
     shifted = None
     if outside is not None:
-        shifted = gap_closed_on(load_measured(usable_rows(outside).table), found, paints_of(measured), seed)
-    result = verdict(found, len(measured), len(set(measured.action.tolist())), shifted=shifted)
-    return Diagnosed(result, found, measured)
+        shifted = gap_closed_outside(load_measured(usable_rows(outside).table), problem, result)
+    return Diagnosed(verdict(result, shifted=shifted), problem, result)
 
 
 def main() -> None:
@@ -67,15 +67,15 @@ def main() -> None:
     table = read_table(given.table, CONTRACT).table
     outside = None if given.test is None else read_table(given.test, CONTRACT).table
     started = time.process_time()  # not wall time: other processes may run on the machine
-    result, found, measured = verdict_on(table, given.seed, outside, given.without)
+    content, problem, result = verdict_on(table, given.seed, outside, given.without)
     seconds = time.process_time() - started
     if given.next_actions is not None:
         buffer = io.BytesIO()
-        pq.write_table(as_table(proposal_for(found, screen(found), given.seed), measured), buffer)
+        pq.write_table(as_table(proposal_for(result, screen(result), given.seed), problem.measured), buffer)
         atomic_write(given.next_actions, buffer.getvalue())
-    seen = measured.pick(np.sort(np.concatenate(found.splits[:2])))
-    pixelwise = named_by_pixels(found.base, seen, VOCABULARY)
-    output = {"verdict": result, "pixelwise": pixelwise, "seconds": round(seconds, 2)}
+    seen = problem.pick(np.sort(np.concatenate(result.splits[:2])))
+    pixelwise = named_by_pixels(result.base.model, seen.measured, VOCABULARY)
+    output = {"verdict": content, "pixelwise": pixelwise, "seconds": round(seconds, 2)}
     atomic_write(given.out, (json.dumps(output) + "\n").encode())
 
 
