@@ -3,8 +3,8 @@
 Worlds with known causes are simulated: strokes and pushes of the virtual studio, those of the two second simulators
 with other seeds and strengths than in their tables, and motions of the example's arm. Every cause that the search
 proposes is a training example; its label says whether the world hides it. The search is more liberal than in a
-diagnosis, so that it proposes false causes, too. The seeds serve nothing else. Worlds that are in
-`data/studies/decision/` already are not made again.
+diagnosis, so that it proposes false causes, too. The seeds serve nothing else. The evidence of every world is kept in
+`studies/decision_worlds.jsonl`; worlds that are there already are not made again.
 """
 
 from __future__ import annotations
@@ -59,6 +59,7 @@ _FAINT = {3: 0.05, 5: 0.1}
 _OTHER_STRENGTHS = (0.5, 1.3)
 """Range of the factor by which an effect of a second simulator differs from its table."""
 WEIGHTS = Path("src/pentimento/diagnosis/decision.json")
+WORLDS = Path("studies/decision_worlds.jsonl")
 
 
 def main() -> None:
@@ -69,16 +70,18 @@ def main() -> None:
     parser.add_argument("--other-strokes", type=int, default=25, help="number of worlds of studies.another_simulator")
     parser.add_argument("--other-pushes", type=int, default=23, help="number of worlds of studies.another_clay")
     parser.add_argument("--arms", type=int, default=10, help="number of worlds of the arm")
-    parser.add_argument("--out", type=Path, default=Path("data/studies/decision"))
     given = parser.parse_args()
     wanted = {
         "strokes": given.strokes, "pushes": given.pushes, "other_strokes": given.other_strokes,
         "other_pushes": given.other_pushes, "arm": given.arms,
     }  # fmt: skip
-    for kind, count in wanted.items():
-        for index in range(count):
-            _keep(given.out / kind / f"{index}.json", kind, index)
-    kinds = {kind: _examples(given.out / kind) for kind in wanted}
+    known = {(made["kind"], made["index"]): made for made in map(json.loads, WORLDS.read_text().splitlines())}
+    for key in ((kind, index) for kind, count in wanted.items() for index in range(count)):
+        if key not in known:
+            known[key] = {"kind": key[0], "index": key[1]} | (world(*key) or {"truth": None, "evidence": {}})
+            atomic_write(WORLDS, "".join(f"{json.dumps(known[key])}\n" for key in sorted(known)).encode())
+            print(f"{key[0]} {key[1]}", flush=True)
+    kinds = {kind: _examples([made for made in known.values() if made["kind"] == kind]) for kind in wanted}
     for kind, (rows, labels) in kinds.items():
         rest = [examples for other, examples in kinds.items() if other != kind]
         left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))
@@ -179,18 +182,11 @@ def _evidence(problem: Problem[Any], truth: Iterable[str]) -> dict[str, Any]:
     return {"truth": sorted(truth), "evidence": named}
 
 
-def _keep(path: Path, kind: str, index: int) -> None:
-    if not path.exists():
-        atomic_write(path, json.dumps(world(kind, index)).encode())
-        print(path, flush=True)
-
-
-def _examples(folder: Path) -> tuple[Array, Array]:
+def _examples(worlds: Iterable[dict[str, Any]]) -> tuple[Array, Array]:
     """Features [n, F] and labels [n] of all proposed causes."""
     rows, labels = [], []
-    for path in sorted(folder.glob("*.json")):
-        made = json.loads(path.read_text())
-        for name, evidence in made["evidence"].items() if made else ():
+    for made in worlds:
+        for name, evidence in made["evidence"].items():
             rows.append(features(Evidence(**evidence)))
             labels.append(name in made["truth"])
     return np.array(rows), np.array(labels)

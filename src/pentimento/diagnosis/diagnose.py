@@ -21,7 +21,7 @@ from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.problem import M, Problem, columns_of
 from pentimento.diagnosis.residual_structure import Structure, find_structure
 from pentimento.diagnosis.rule import DEFAULT_RULE, DecisionRule
-from pentimento.diagnosis.search import Test, score_tests, search
+from pentimento.diagnosis.search import Test, above_floor, score_tests, search
 from pentimento.diagnosis.splits import Splits, split
 from pentimento.diagnosis.temporal_drift import TemporalDrift, temporal_drift
 
@@ -162,9 +162,10 @@ def decide(
     discovery = known.pick(rows)
     model = discovery.fit(model.causes, model)
     model = search(discovery, model, rule, seed=seed, log=log, min_share=rule.small_share)
+    gap = above_floor(known, known.fit(()))
     examined: dict[str, Examined] = {}
     while True:
-        now = evidence_for(known, model, confirmation, rule, seed)
+        now = evidence_for(known, model, confirmation, rule, gap=gap, seed=seed)
         examined |= now
         probability = {name: decision.probability(e.evidence) for name, e in now.items() if known.causes[name].named}
         worst = min(probability, key=lambda name: probability[name], default=None)

@@ -27,11 +27,6 @@ class Floor(NamedTuple):
     interval: tuple[float, float]
     """95 % interval, by resampling actions."""
 
-    @property
-    def standard_error(self) -> float:
-        """Standard error under normality: a quarter of the interval."""
-        return (self.interval[1] - self.interval[0]) / 4
-
     def moved(self, by: float) -> Floor:
         """The floor shifted by an amount, so that its interval does not go below 0."""
         low, high = self.interval

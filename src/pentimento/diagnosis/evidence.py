@@ -17,7 +17,7 @@ from pentimento.diagnosis.problem import Cause, M, Problem, columns_of, values_o
 from pentimento.diagnosis.residual_structure import standardised
 from pentimento.diagnosis.rule import DecisionRule
 from pentimento.diagnosis.score import folds, projected_statistics
-from pentimento.diagnosis.search import above_floor, held_out_losses, score_tests
+from pentimento.diagnosis.search import held_out_losses, score_tests
 
 Array = NDArray[Any]
 
@@ -59,7 +59,7 @@ class Examined(NamedTuple):
 
 
 def evidence_for(
-    problem: Problem[M], model: M, confirmation: Array, rule: DecisionRule, seed: int
+    problem: Problem[M], model: M, confirmation: Array, rule: DecisionRule, *, gap: float, seed: int
 ) -> dict[str, Examined]:
     """Evidence for each cause of a model.
 
@@ -68,11 +68,11 @@ def evidence_for(
         model: with the causes, fitted to the discovery split.
         confirmation: whether an action belongs to the confirmation split, bool[n].
         rule: limits.
+        gap: error of the base above the floor.
         seed: of folds.
     """
     fitted = problem.fit(model.causes, model)
-    losses, gap = problem.losses(fitted), above_floor(problem, problem.fit(()))
-    floor = problem.floor(fitted)
+    losses, floor = problem.losses(fitted), problem.floor(fitted)
     misfit = float(losses.mean()) / floor.mse if floor and floor.mse > 0 else 1.0
     statistics = problem.linearise(model, ())
     spread = covariance(problem.linearise(fitted, ()))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.gauss_newton import damped_step, predicted_decrease
-from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, mean_squared_error, residual, slopes_of
+from pentimento.diagnosis.pushes.jacobian import action_losses, mean_squared_error, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.dynamics.pushes.analytic import (
     BASE,
@@ -69,18 +69,13 @@ _MAX_RING_RATIO = 30.0
 """Maximum ratio between the weights of two rings."""
 
 
-def fit(
-    model: AnalyticPush, measured: MeasuredPushes, slopes: Slopes | None = None, iterations: int = 30
-) -> AnalyticPush:
+def fit(model: AnalyticPush, measured: MeasuredPushes, iterations: int = 30) -> AnalyticPush:
     """The model that minimises the weighted mean squared error of predicted heights.
 
     Parameters that the pushes do not determine stay near the simplest base: a ball, equal rims all round, a hard edge.
-
-    Args:
-        slopes: Jacobian of the model on these pushes, where it is known.
     """
     start = _start(measured)
-    slopes = slopes or slopes_of(model, measured)
+    slopes = slopes_of(model, measured)
     statistics = slopes.statistics(model)
     loss = float(statistics.energy.mean())
     prior = _prior(model, loss)
@@ -124,19 +119,6 @@ def fit(
             slopes = slopes_of(model, measured)
         statistics = slopes.statistics(model)
     return model
-
-
-def fit_without(model: AnalyticPush, cause: str, base: AnalyticPush, measured: MeasuredPushes) -> AnalyticPush:
-    """The model without one cause, refitted from its own parameters or from the base's, whichever predict better.
-
-    A base that was bent by a large cause takes many iterations to come back.
-
-    Args:
-        base: the same without any cause, fitted.
-    """
-    rest = model.without(cause)
-    starts = rest, replace(rest, base=base.base)
-    return fit(min(starts, key=lambda start: _loss(start, measured)), measured)
 
 
 def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.gauss_newton import Statistics, covariance, damped_step, predicted_decrease
+from pentimento.diagnosis.gauss_newton import Statistics, damped_step, predicted_decrease
 from pentimento.diagnosis.score import paired_p
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import BASE, SLABS, WIDTHS, Model, UnevenEnds
 from pentimento.diagnosis.strokes.predict import action_losses
-from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
@@ -84,16 +83,13 @@ def first_model(measured: Measured) -> Model:
     return Model((low, high), np.array([start[name] for name in BASE]), np.zeros((measured.paints, 3)), ())
 
 
-def fit(model: Model, measured: Measured, at_start: Statistics | None = None, iterations: int = 40) -> Model:
+def fit(model: Model, measured: Measured, iterations: int = 40) -> Model:
     """Fit a model to measured strokes by weighted mean squared error.
 
     The prior holds parameters that the strokes leave open near the simplest base: a hard edge, a smooth curve of
     widths, paint as recorded.
-
-    Args:
-        at_start: the model's ``linearise`` on these strokes, if known.
     """
-    statistics = linearise(model, measured) if at_start is None else at_start
+    statistics = linearise(model, measured)
     hold = _prior(model, _loss(statistics))
     loss = _loss(statistics) + _cost(model.vector, hold)
     damping = _FIRST_DAMPING
@@ -101,32 +97,25 @@ def fit(model: Model, measured: Measured, at_start: Statistics | None = None, it
     reach = _longest_steps(model)
     for _ in range(iterations):
         near = np.maximum(low, model.vector - reach), np.minimum(high, model.vector + reach)
-        improved = False
         for _ in range(6):
             moved = damped_step(model.vector, model.vector, statistics, damping=damping, hold=hold, bounds=near)
             candidate = model.at(moved)
-            step = candidate.vector - model.vector
-            promise = predicted_decrease(step, model.vector, statistics, hold)
-            # A step at its limit has not converged, however small its decrease.
-            cut_short = (np.abs(step) > 0.999 * reach).any()
-            if (
-                promise < _ENOUGH * loss
-                and not cut_short
-                and _loss_of(candidate, measured) + _cost(candidate.vector, hold) < loss
-            ):
-                return candidate  # converged: no derivatives needed
-            there = linearise(candidate, measured)  # needed by the next step if this one is accepted
-            new = _loss(there) + _cost(candidate.vector, hold)
+            new = _loss_of(candidate, measured) + _cost(candidate.vector, hold)
             if new < loss:
-                improved = True
                 break
             damping = max(damping * 10, _FIRST_DAMPING)
-        if not improved:
+        else:
             break
-        gained, model, loss, damping = 1 - new / loss, candidate, new, max(damping / 10, 1e-7)
-        statistics = there
-        if gained < _ENOUGH and not cut_short:
+        step, gained = candidate.vector - model.vector, loss - new
+        # The difference between actual and predicted decrease of a full step estimates the decrease of the next one.
+        surprise = abs(predicted_decrease(step, model.vector, statistics, hold) - gained)
+        left = surprise if damping <= _FIRST_DAMPING else gained
+        # A step at its limit has not converged, however small its decrease.
+        cut_short = (np.abs(step) > 0.999 * reach).any()
+        model, loss, damping = candidate, new, max(damping / 10, 1e-7)
+        if min(gained, left) < _ENOUGH * loss and not cut_short:
             break
+        statistics = linearise(model, measured)
     return model
 
 
@@ -137,15 +126,6 @@ def huber_weighted(measured: Measured, model: Model) -> Measured:
     _, action = np.unique(measured.action, return_inverse=True)
     weight = np.minimum(_MAX_OF_USUAL * np.median(losses) / np.maximum(losses, 1e-30), 1.0)
     return replace(measured, weight=weight[action])
-
-
-def with_prior(statistics: Statistics, model: Model) -> Statistics:
-    """Statistics of the penalised loss that ``fit`` minimises; the prior is shared among actions."""
-    hold = _prior(model, _loss(statistics))
-    pull = hold @ model.vector
-    return Statistics(
-        statistics.curvature + hold, statistics.slope - pull, statistics.energy + _cost(model.vector, hold)
-    )
 
 
 def stiffened(statistics: Statistics, model: Model, share: float) -> Statistics:
@@ -227,20 +207,3 @@ def _mixing_by(model: Model, mixing: float) -> Model:
     numbers = model.base.copy()
     numbers[BASE.index("mixing")] = mixing
     return replace(model, base=numbers)
-
-
-def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:
-    """Each quantity of a fitted mechanism with its standard error, in the quantity's unit, by name.
-
-    Args:
-        model: fitted to ``measured``.
-        mechanism: of the model; looked up by its cause.
-    """
-    spread = covariance(with_prior(linearise(model, measured), model))
-    number = [m.cause for m in model.mechanisms].index(mechanism.cause)
-    fitted = model.mechanisms[number]
-    at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])
-    return {
-        q.name: (float(value), float(np.sqrt(max(spread[at + i, at + i], 0.0)) * q.typical))
-        for i, (q, value) in enumerate(zip(fitted.quantities, fitted.values, strict=True))
-    }

@@ -89,11 +89,6 @@ class Mechanism:
         """Whether a quantity differs from zero, so that the mechanism changes the prediction."""
         return bool(self.values.any())
 
-    @property
-    def coherent(self) -> bool:
-        """Whether the signs of its quantities are consistent with its name."""
-        return True
-
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         """The constants that the effect is relative to.

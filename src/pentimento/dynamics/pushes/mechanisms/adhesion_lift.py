@@ -34,7 +34,6 @@ class AdhesionLift(Mechanism):
     driving_covariate = "retraction"
     hidden_from_network = True
     informative_covariates = (_COLUMN, "dwell_s")
-    aliasable = False
     quantities = (
         Quantity("lift_by_log_speed_m", "m", 0.0003),
         Quantity("lift_by_log_dwell_m", "m", 0.0003, signed=False),

@@ -104,14 +104,9 @@ class Mechanism:
     quantities: ClassVar[tuple[Quantity, ...]]
     informative_covariates: ClassVar[tuple[str, ...]] = ()
     """Columns and properties of the surface and path that the effect depends on."""
-    aliasable: ClassVar[bool] = True
-    """Whether an inexact shape of the base can be aliased with it. It cannot if the effect depends on something that no
-    shape depends on: a column of the table, the time, or the sign of a direction."""
     hidden_from_network: ClassVar[bool]
     """Whether the effect depends on what a network in the push's own pose does not see: place on the table, heading,
     time or history. `analytic_correction` adds such a cause to the network's prediction."""
-    by_place: ClassVar[tuple[str, ...]] = ()
-    """Quantities that make the effect vary over the table, which no shape of the base does."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as from ``reference_of`` on the fitted

@@ -25,7 +25,6 @@ class StiffnessDrift(Mechanism):
     driving_covariate = "session"
     hidden_from_network = True
     informative_covariates = (*_TIME, *_TEMPERATURE)
-    aliasable = False
     quantities = (
         Quantity("by_half_session", "1", 0.15),
         Quantity("by_half_range_of_temperature", "1", 0.15),

@@ -21,7 +21,6 @@ class ToolBacklash(Mechanism):
     driving_covariate = "reversal"
     hidden_from_network = True
     informative_covariates = ("heading_cos", "heading_sin")
-    aliasable = False
     quantities = (
         Quantity("x_m", "m", 0.0005),
         Quantity("y_m", "m", 0.0005),

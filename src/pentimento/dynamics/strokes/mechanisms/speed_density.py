@@ -23,12 +23,6 @@ class SpeedDensity(Mechanism):
     )
     signature = ("density_per_log_speed",)
 
-    @property
-    def coherent(self) -> bool:
-        """A mark that is paler for lack of paint has a softer rim; a sharper rim indicates less bleed."""
-        density, softening, _ = self.values
-        return bool(density * softening <= 0)
-
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
         return usual_speed(context)
