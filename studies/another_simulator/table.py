@@ -80,7 +80,7 @@ def page(said: dict[World, dict[str, Any]]) -> str:
     """Markdown."""
     lines = [_line(world, result) for world, result in said.items()]
     exact = sum(world.truth == named(result) for world, result in said.items())
-    pixels = sum(world.truth == frozenset(result["pixelwise"]) for world, result in said.items())
+    pixels = sum(world.truth == frozenset(result["rivals"]["pixels"]) for world, result in said.items())
     false = sum(len(named(result) - world.truth) for world, result in said.items())
     names = sum(len(named(result)) for result in said.values())
     tail = (
@@ -94,7 +94,7 @@ def _line(world: World, result: dict[str, Any]) -> str:
     right = "" if world.truth == named(result) else " **(not exact)**"
     return (
         f"| {world.name} | {listed(world.truth)} | {listed(named(result))}{right} | {', '.join(rivals(result)) or '–'} "
-        f"| {share_closed(result)} | {len(result['pixelwise'])} | {result['seconds']:.0f} |"
+        f"| {share_closed(result)} | {len(result['rivals']['pixels'])} | {result['seconds']:.0f} |"
     )
 
 

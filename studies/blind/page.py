@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from studies.blind.binomial import interval, standing
+from studies.blind.calibration import calibration
 from studies.blind.kinds import Kind
+from studies.blind.rivals import METHODS
 from studies.blind.score_card import (
     Row,
     by_series,
@@ -44,6 +46,10 @@ def page(kind: Kind, lines: Sequence[Line], commit: str) -> str:
         _share(kind, lines),
         _origin(lines, commit),
         _table(rows(kind, lines)),
+        "## Stated probability and frequency",
+        calibration(lines),
+        "## Simpler methods on the same rows",
+        simpler_methods(lines),
         "## Worlds",
         _worlds(kind, lines),
         "## By cause",
@@ -89,6 +95,29 @@ def _row(row: Row) -> str:
 
 def _percent(share: float | None) -> str:
     return "–" if share is None else f"{100 * share:.3g} %"
+
+
+def simpler_methods(lines: Sequence[Line]) -> str:
+    """Names of the diagnosis and of each method of `rivals.py`."""
+    by = by_series(lines)
+    hiding = {name: by.get(name, []) for name in ("one cause", "one faint cause", "two causes")}
+    hiding = {name: own for name, own in hiding.items() if own}
+    columns = [*(f"{name}: exact set" for name in hiding), "none: nothing named", "false names among names"]
+    table = [f"| method | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    for method in (None, *METHODS):
+        told = [(line, _names(line, method)) for own in by.values() for line in own]
+        names = [(line, name) for line, own in told for name in own]
+        false = sum(name not in hidden(line) for line, name in names)
+        exactly = [(sum(_names(line, method) == hidden(line) for line in own), len(own)) for own in hiding.values()]
+        quiet = by.get("none", [])
+        cells = [*exactly, (sum(not _names(line, method) for line in quiet), len(quiet)), (false, len(names))]
+        table.append(f"| {method or 'the diagnosis'} | {' | '.join(f'{hits}/{of}' for hits, of in cells)} |")
+    return "\n".join(table)
+
+
+def _names(line: Line, method: str | None) -> tuple[str, ...]:
+    """The causes that a method names; those of the verdict for None."""
+    return named(line.get("verdict")) if method is None else tuple(sorted(line.get("rivals", {}).get(method, ())))
 
 
 def _worlds(kind: Kind, lines: Sequence[Line]) -> str:

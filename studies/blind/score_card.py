@@ -37,7 +37,7 @@ class Row:
     constant: float | None = None
     """Baseline that gives the most frequent truth as the answer for every world."""
     pixelwise: float | None = None
-    """Baseline that selects by the likelihood of pixels (`strokes/pixelwise.py`)."""
+    """Baseline that selects by the likelihood of pixels (`rivals.py`)."""
     note: str = ""
 
 
@@ -143,7 +143,7 @@ def rows(kind: Kind, lines: Sequence[Line]) -> list[Row]:
         _exact("two causes: exact set", two, 0.88),
         Row(
             "none: any name at all", _count(none, any_name), len(none), Bar("at most", 0.03), 1.0,
-            _pixelwise(none, lambda line: bool(line["pixelwise"])),
+            _pixelwise(none, lambda line: bool(line["rivals"]["pixels"])),
         ),
         _false_names([*one, *faint, *two, *none, *outside]),
         *_outside(kind, outside),
@@ -158,7 +158,7 @@ def rows(kind: Kind, lines: Sequence[Line]) -> list[Row]:
 def _exact(what: str, lines: Sequence[Line], bar: float) -> Row:
     return Row(
         what, _count(lines, exact), len(lines), Bar("at least", bar), _most_frequent([hidden(line) for line in lines]),
-        _pixelwise(lines, lambda line: tuple(sorted(line["pixelwise"])) == hidden(line)),
+        _pixelwise(lines, lambda line: tuple(sorted(line["rivals"]["pixels"])) == hidden(line)),
     )  # fmt: skip
 
 
@@ -170,7 +170,7 @@ def _false_names(lines: Sequence[Line]) -> Row:
         return sum(counted), len(counted)
 
     wrong, of = false((name, line) for line in lines for name in named(line.get("verdict")))
-    pixels, all_pixels = false((name, line) for line in lines for name in line.get("pixelwise", ()))
+    pixels, all_pixels = false((name, line) for line in lines for name in line.get("rivals", {}).get("pixels", ()))
     causes = Counter(cause for line in lines for cause in hidden(line))
     usual = causes.most_common(1)[0][1] / len(lines) if causes else 0.0
     return Row(
@@ -195,7 +195,7 @@ def _outside(kind: Kind, lines: Sequence[Line]) -> list[Row]:
         *found,
         Row(
             "outside the vocabulary: given a known name", _count(lines, any_name), len(lines), Bar("at most", 0.04),
-            1.0, _pixelwise(lines, lambda line: bool(line["pixelwise"])),
+            1.0, _pixelwise(lines, lambda line: bool(line["rivals"]["pixels"])),
         ),
     ]  # fmt: skip
 
@@ -226,12 +226,12 @@ def _raster(lines: Sequence[Line]) -> list[Row]:
     return [
         Row(
             "raster order: truth in the rival set", _count(lines, in_rival_set), len(lines), Bar("at least", 0.97),
-            constant, _pixelwise(lines, lambda line: hidden(line)[0] in line["pixelwise"]),
+            constant, _pixelwise(lines, lambda line: hidden(line)[0] in line["rivals"]["pixels"]),
         ),
         Row(
             "raster order: a wrong unique name", _count(lines, wrong_unique), len(lines), Bar("at most", 0.03),
             None if constant is None else 1 - constant,
-            _pixelwise(lines, lambda line: bool(set(line["pixelwise"]) - set(hidden(line)))),
+            _pixelwise(lines, lambda line: bool(set(line["rivals"]["pixels"]) - set(hidden(line)))),
         ),
         Row(
             "raster + 16 proposed actions: unique and right",
@@ -279,7 +279,7 @@ def _count(lines: Sequence[Line], criterion: Criterion) -> int:
 
 def _pixelwise(lines: Sequence[Line], criterion: Criterion) -> float | None:
     """Share of all worlds that the baseline on pixels meets; None where it was not run on any."""
-    run = [line for line in lines if "pixelwise" in line]
+    run = [line for line in lines if "rivals" in line]
     return _count(run, criterion) / len(lines) if run else None
 
 

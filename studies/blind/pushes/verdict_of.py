@@ -1,6 +1,7 @@
 """The verdict on one table of pushes: `python -m studies.blind.pushes.verdict_of table.parquet verdict.json`.
 
-Runs in a process of its own, which gets the table alone. Does what `pentimento diagnose` does, without the report.
+Runs in a process of its own, which gets the table alone. Does what `pentimento diagnose` does, without the report, and
+adds the causes that simpler methods name.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ from pentimento.diagnosis.pushes.problem import PushResult, push_problem
 from pentimento.diagnosis.pushes.write import usable
 from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY
+from studies.blind.rivals import named_by_rivals
+
+_SIDE_PX = 64
+"""Side of the windows of the diagnosis."""
 
 
 def verdict_on(table: pa.Table, seed: int, without: str | None = None) -> tuple[dict[str, Any], PushResult]:
@@ -41,8 +46,10 @@ def main() -> None:
     given = parser.parse_args()
     table = read_table(given.table, CONTRACT).table
     started = time.process_time()  # not wall time: other processes may run on the machine
-    result, _ = verdict_on(table, given.seed, given.without)
-    output = {"verdict": result, "seconds": round(time.process_time() - started, 2)}
+    content, result = verdict_on(table, given.seed, given.without)
+    seconds = time.process_time() - started
+    rivals = named_by_rivals(result.known, result.base, _SIDE_PX**2)
+    output = {"verdict": content, "rivals": rivals, "seconds": round(seconds, 2)}
     atomic_write(given.out, (json.dumps(output) + "\n").encode())
 
 

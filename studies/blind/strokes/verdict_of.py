@@ -1,7 +1,7 @@
 """The verdict on one table of strokes: `python -m studies.blind.strokes.verdict_of table.parquet verdict.json`.
 
 Runs in a process of its own, which gets the table alone. Does what `pentimento diagnose` does, without the report, and
-adds the causes that the likelihood of pixels would select.
+adds the causes that simpler methods name.
 """
 
 import argparse
@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -26,7 +25,7 @@ from pentimento.diagnosis.strokes.problem import StrokeProblem, StrokeResult, st
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.verdict import verdict
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
-from studies.blind.strokes.pixelwise import named_by_pixels
+from studies.blind.rivals import named_by_rivals
 
 
 class Diagnosed(NamedTuple):
@@ -73,9 +72,9 @@ def main() -> None:
         buffer = io.BytesIO()
         pq.write_table(as_table(proposal_for(result, screen(result), given.seed), problem.measured), buffer)
         atomic_write(given.next_actions, buffer.getvalue())
-    seen = problem.pick(np.sort(np.concatenate(result.splits[:2])))
-    pixelwise = named_by_pixels(result.base.model, seen.measured, VOCABULARY)
-    output = {"verdict": content, "pixelwise": pixelwise, "seconds": round(seconds, 2)}
+    values = int(problem.measured.samples.valid.numpy().sum((1, 2)).mean()) * 3
+    rivals = named_by_rivals(result.known, result.base, values)
+    output = {"verdict": content, "rivals": rivals, "seconds": round(seconds, 2)}
     atomic_write(given.out, (json.dumps(output) + "\n").encode())
 
 
