@@ -28,7 +28,7 @@ Written by `python -m studies.measured`; do not edit. The strokes were recorded 
 Spline-FRIDA and are not part of this repository. Errors are of test strokes that took no part in search or
 confirmation: mean squared, sRGB, over whole windows. No set repeats an action, so **the noise floor is unknown**, and
 gains are shares of the whole error. ± is a standard error that takes each action as one witness. A *rival* is a cause
-whose refit in the named one's place is not worse at 5 %.
+that removes at least 95 % as much error in the named one's place.
 
 | set | strokes | established | suspected | error: base → extended | removed (95 %) | what still depends on what |
 |---|---|---|---|---|---|---|

@@ -22,6 +22,7 @@ from scipy.stats import chi2, ncx2
 from pentimento.diagnosis.diagnose import Result
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.problem import M
+from pentimento.diagnosis.rule import DEFAULT_RULE
 from pentimento.diagnosis.score import projected_scores
 
 Array = NDArray[Any]
@@ -31,9 +32,8 @@ ALIASED = 0.9
 _RIDGE = 1e-9
 _UNSEEN = 1e-6
 """Share of a cause's information that must be left with the nuisances free."""
-_FIRST_P = 0.02
-"""Level of the first step's test, and power, of a detectable effect."""
 _POWER = 0.8
+"""Probability with which the search's score test finds a detectable effect."""
 _EXCHANGES = 10
 """Rounds of exchange at most."""
 _MIN_RISE = 1e-3
@@ -163,12 +163,12 @@ def aliased_pairs(found: Aliasing, causes: Mapping[str, Sequence[str]]) -> list[
 
 
 def detectable(statistics: Statistics, columns: Columns) -> dict[str, float]:
-    """The smallest share of the error that each cause must remove to be found with a probability of 80 %.
+    """The smallest share of the error that each cause must remove for its score test to find it with ``_POWER``.
 
-    From the noncentral chi-squared law of the robust score test at the level of the first step, Bonferroni-corrected,
+    From the noncentral chi-squared law of the robust score test at ``DecisionRule.entry_p``, Bonferroni-corrected,
     which is slightly conservative. Infinite where the nuisances leave nothing of a cause.
     """
-    level = _FIRST_P / max(len(columns.causes), 1)
+    level = DEFAULT_RULE.entry_p / max(len(columns.causes), 1)
     error, n = float(statistics.energy.mean()), len(statistics.energy)
     total = statistics.curvature.sum(0)
     found = {}

@@ -6,7 +6,7 @@ time and history are hidden from it. Established causes that depend on these are
     after = network(S, a) + analytic(S, a; all causes) - analytic(S, a; visible causes),
 
 with both analytic models fitted to the same pushes, so that what the network learned of such causes on average cancels
-out. A correction is kept only if it lowers the error on pushes that neither has seen (docs/diagnosis.md §4).
+out. A correction is kept only if it lowers the error on pushes that neither has seen (docs/diagnosis.md §10).
 """
 
 from __future__ import annotations
