@@ -8,15 +8,19 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import pyarrow as pa
 import torch
 
+from pentimento.collection.follow import further_strokes
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import at_least
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.control.guard import GuardedRobot
+from pentimento.control.safety import envelope_for
 from pentimento.diagnosis.strokes.measured import covariates_of
 from pentimento.diagnosis.strokes.problem import StrokeResult
-from pentimento.diagnosis.strokes.write import write_diagnosis
+from pentimento.diagnosis.strokes.write import diagnose_in_rounds, write_diagnosis
 from pentimento.dynamics.strokes.evaluation import score, score_model
 from pentimento.dynamics.strokes.extended import (
     MeasuredStrokes,
@@ -31,6 +35,10 @@ from pentimento.dynamics.strokes.samples import load_samples
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
+from pentimento.robots.tools import load_tool
+from pentimento.robots.virtual import VirtualRobot
+from pentimento.studio.strokes.studio import Studio
+from pentimento.studio.strokes.world import load_world
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, verdict_metrics, write_json
 from pipelines._tracking import Run, tracked_run
@@ -41,12 +49,16 @@ class DiagnoseGap:
     """Section `diagnose_gap` of params.yaml."""
 
     seed: int
-    """Of splits and bootstraps."""
+    """Of splits, bootstraps and the studio."""
+    rounds: int
+    """While an established cause has rivals, the robot makes the proposed strokes; at most so many times."""
+    worlds: dict[str, str]
+    """By tool, the studio's world of that robot; other tools get no further strokes."""
     joint_fit: TrainingConfig
     """Of the base with the established causes; `held_out` is the fraction used for validation."""
 
     def __post_init__(self) -> None:
-        at_least(self, 0, "seed")
+        at_least(self, 0, "seed", "rounds")
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -66,7 +78,7 @@ def main(arguments: argparse.Namespace) -> None:
         columns = {name: torch.tensor(v, dtype=torch.float32) for name, v in known.items()}
         strokes = MeasuredStrokes(samples, columns)
         training, validation, held_out = _parts(strokes, arguments.base / "held_out_actions.json", fit)
-        found = write_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
+        found = _diagnosed(table, gap, arguments.tool, config)
         causes = _established(found)
         joint = fit_jointly(
             base, causes, training, validation=validation, timing=timing_of(columns), config=fit, log=run.log
@@ -87,6 +99,26 @@ def main(arguments: argparse.Namespace) -> None:
         run.log_metrics(metrics)
         print(_summary(found, joint), file=sys.stderr)
         _log_candidates(run, found)
+
+
+def _diagnosed(table: pa.Table, gap: Path, tool_name: str, config: DiagnoseGap) -> StrokeResult:
+    """The last of the diagnoses; with further strokes, ``gap`` has their table, too."""
+
+    def diagnosed(grown: pa.Table, note: str | None) -> StrokeResult:
+        return write_diagnosis(grown, gap, config.seed, log=_log, left_out=note)
+
+    if tool_name not in config.worlds:
+        return diagnosed(table, None)
+    tool = load_tool(tool_name)
+    robot = VirtualRobot(Studio(load_world(config.worlds[tool_name]), config.seed))
+    made = further_strokes(
+        GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m)), tool, f"{tool_name}-{config.seed}"
+    )
+    return diagnose_in_rounds(table, gap, config.rounds, diagnosed=diagnosed, made=made, log=_log)
+
+
+def _log(line: str) -> None:
+    print(line, file=sys.stderr)
 
 
 class _Parts(NamedTuple):

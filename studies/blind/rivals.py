@@ -1,6 +1,6 @@
 """Simpler ways to name causes, on the same rows: each from one linearisation of the fitted base with all candidates.
 
-- ``pixels``: forward selection by the Bayesian information criterion (Schwarz 1978) as if pixel errors were independent.
+- ``pixels``: forward selection by the Bayesian information criterion (Schwarz 1978), every pixel as an observation.
 - ``l1_path``: bounded least squares over all causes at once with an L1 penalty (Tibshirani 1996), which folds of blocks
   choose by the rule of one standard error; a cause counts from a tenth of its typical size on.
 - ``posterior``: Bayesian comparison of all models with up to two causes, the action as unit, as model inference over

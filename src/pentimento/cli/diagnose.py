@@ -140,10 +140,7 @@ def _diagnose_strokes(arguments: argparse.Namespace) -> None:
 
 def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Table, pa.Table, int], pa.Table]:
     """Return a function that lets the studio's robot execute proposed actions with the tool of the table's strokes."""
-    import numpy as np
-
-    from pentimento.collection.follow import follow, tool_of
-    from pentimento.contracts.covariates import drawn_length_m
+    from pentimento.collection.follow import further_strokes, tool_of
     from pentimento.control.guard import GuardedRobot
     from pentimento.control.safety import envelope_for
     from pentimento.robots.tools import load_tool
@@ -155,18 +152,7 @@ def _robot_in(world: str | None, table: pa.Table, seed: int) -> Callable[[pa.Tab
     robot = VirtualRobot(Studio(load_world(world or tool.name), seed))
     guarded = GuardedRobot(robot, envelope_for(tool, robot.canvas_size_m))
     guarded.change_tool(tool)
-
-    drawn_m = 0.0
-
-    def execute(actions: pa.Table, recorded: pa.Table, number: int) -> pa.Table:
-        nonlocal drawn_m
-        rows = follow(
-            guarded, tool, actions, recorded=recorded, session=f"{tool.name}-{seed}-round-{number}", tool_age_m=drawn_m
-        )
-        drawn_m += sum(drawn_length_m(np.array(path)) for path in rows["path"].to_pylist())
-        return rows
-
-    return execute
+    return further_strokes(guarded, tool, f"{tool.name}-{seed}")
 
 
 def _progress(line: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from pentimento.calibration.observe import calibrate_camera
 from pentimento.collection.collect import record_stroke, stroke_views
-from pentimento.contracts.covariates import fresh_memory
+from pentimento.contracts.covariates import drawn_length_m, fresh_memory
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import image_shape, pixels_per_m, snap_window
 from pentimento.contracts.images import decode_png
@@ -46,6 +47,25 @@ def tool_of(table: pa.Table) -> str:
             "cannot go on with them. Record them with `frame` canvas."
         )
     return str(names[0])
+
+
+def further_strokes(robot: Robot, tool: Tool, session: str) -> Callable[[pa.Table, pa.Table, int], pa.Table]:
+    """A function of proposed actions, the table so far and the number of the round that executes the actions.
+
+    Args:
+        robot: behind its guard.
+        tool: that made the recorded strokes.
+        session: name of the new sessions, before the number of the round.
+    """
+    drawn_m = 0.0
+
+    def execute(actions: pa.Table, recorded: pa.Table, number: int) -> pa.Table:
+        nonlocal drawn_m
+        rows = follow(robot, tool, actions, recorded=recorded, session=f"{session}-round-{number}", tool_age_m=drawn_m)
+        drawn_m += sum(drawn_length_m(np.array(path)) for path in rows["path"].to_pylist())
+        return rows
+
+    return execute
 
 
 def follow(

@@ -22,7 +22,7 @@ from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
 from pentimento.diagnosis.residual_structure import ModeScores
 from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
-from pentimento.dynamics.pushes.mechanisms import Mechanism
+from pentimento.dynamics.pushes.mechanisms import UNNAMED, Mechanism
 from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
 
 Array = NDArray[Any]
@@ -104,7 +104,8 @@ class PushProblem:
 
 def push_problem(measured: MeasuredPushes, vocabulary: Sequence[type[Mechanism]], seed: int) -> PushProblem:
     """The problem of measured pushes."""
-    seen, unseen = observable_causes(measured, vocabulary)
+    seen, unseen = observable_causes(measured, (*vocabulary, *UNNAMED))
+    unseen = {name: why for name, why in unseen.items() if name not in {kind.cause for kind in UNNAMED}}
     causes = {name: _cause(mechanism) for name, mechanism in seen.items()}
     return PushProblem(measured, first_model(measured.scene), seen, causes, unseen, seed)
 
@@ -140,4 +141,5 @@ def _cause(mechanism: Mechanism) -> Cause:
         covariates=mechanism.informative_covariates,
         family=mechanism.driving_covariate,
         signature=mechanism.signature,
+        named=type(mechanism) not in UNNAMED,
     )

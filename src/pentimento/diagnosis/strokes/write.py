@@ -108,7 +108,7 @@ def diagnose_in_rounds(
     diagnosed: Callable[[pa.Table, str | None], StrokeResult],
     made: Callable[[pa.Table, pa.Table, int], pa.Table],
     log: Callable[[str], None],
-) -> pa.Table:
+) -> StrokeResult:
     """Diagnose a table, and while an established cause has rivals add strokes to it, at most ``rounds`` times.
 
     ``out`` holds the last diagnosis, and ``out/strokes`` its table if that grew.
@@ -123,7 +123,7 @@ def diagnose_in_rounds(
         log: gets a line for each round, and the reason for stopping.
 
     Returns:
-        The table of the last diagnosis.
+        The last diagnosis.
     """
     found = diagnosed(table, None)
     recorded = table.num_rows
@@ -145,7 +145,7 @@ def diagnose_in_rounds(
         write_table(out / STROKES, table, CONTRACT, card)
         added = f"{table.num_rows - recorded} of the strokes were collected as proposed"
         found = diagnosed(table, f"{added}, in {count(number, 'round')}.")
-    return table
+    return found
 
 
 def _open_questions(found: StrokeResult) -> list[str]:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from pentimento.dynamics.pushes.analytic_scene import STATIONS, PushScene, deepest_m, yielded
 from pentimento.dynamics.pushes.contact import Sweep, contact_of
 from pentimento.dynamics.pushes.heaping import heaped
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY
+from pentimento.dynamics.pushes.mechanisms import UNNAMED, VOCABULARY
 from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, per_push, spread
 
 Array = NDArray[Any]
@@ -270,7 +270,7 @@ def model_from_json(stored: dict[str, Any]) -> tuple[AnalyticPush, float]:
 
 
 def _mechanism(entry: dict[str, Any]) -> Mechanism:
-    kinds = {kind.cause: kind for kind in VOCABULARY}
+    kinds = {kind.cause: kind for kind in (*VOCABULARY, *UNNAMED)}
     if entry["cause"] not in kinds:
         raise ValueError(f"cause {entry['cause']} is not in the vocabulary")
     kind = kinds[entry["cause"]]

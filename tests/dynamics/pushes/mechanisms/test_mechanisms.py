@@ -12,9 +12,10 @@ from scipy.ndimage import gaussian_filter
 from pentimento.diagnosis.pushes.modes import command_covariates
 from pentimento.dynamics.pushes.analytic import BASE, AnalyticPush, first_model, identity, touch
 from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of
-from pentimento.dynamics.pushes.mechanisms import LOOKALIKES, VOCABULARY, Mechanism
+from pentimento.dynamics.pushes.mechanisms import UNNAMED, VOCABULARY, Mechanism
 from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable, spread
 from pentimento.dynamics.pushes.mechanisms.slope_slide import relaxed
+from pentimento.dynamics.pushes.mechanisms.unnamed import Sinking
 from tests.dynamics.documented_causes import documented_causes
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, blank
 
@@ -240,8 +241,8 @@ def test_slide_leaves_flatter_slopes_unchanged() -> None:
 
 
 def test_sinking_deepens_and_widens_only_the_end(seen: PushScene, base: AnalyticPush) -> None:
-    assert not set(LOOKALIKES.values()) & set(VOCABULARY)
-    sinks = base.plus(with_values(LOOKALIKES["springback"], seen, 0.2))
+    assert not set(UNNAMED) & set(VOCABULARY)
+    sinks = base.plus(with_values(Sinking, seen, 0.2))
     longer = seen.covariates["dwell_s"] > 1.2 * sinks.mechanisms[0].reference["dwell_s"]
     travels = seen.action[:, 3] > 0.012
     changed = touch(sinks, seen).pressed_m - touch(base, seen).pressed_m

@@ -1,20 +1,16 @@
-"""Effects outside the vocabulary that can be mistaken for one of its causes (``LOOKALIKES``).
+"""Effects that many materials have and that can be mistaken for a cause of the vocabulary.
 
-A diagnosis compares each such cause with its look-alike before it names the cause.
+A diagnosis fits them where they explain more, but does not name them.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from pentimento.dynamics.pushes.analytic_scene import PushScene
 from pentimento.dynamics.pushes.mechanisms.mechanism import (
-    Contact,
     Mechanism,
     Motion,
     NotObservable,
     Quantity,
-    Settled,
     column,
     log_times,
     usual_s,
@@ -42,21 +38,6 @@ class ClosedStart(Mechanism):
         return motion._replace(lower_at_start_m=motion.lower_at_start_m - self.values[0])
 
 
-class LowerRims(Mechanism):
-    """The rims hold less than the displaced volume, by a constant share.
-
-    A swell far from the contact (``far_field``) also takes volume from the rims, but the volume reappears in the swell.
-    """
-
-    cause = "lower_rims"
-    site = "surface"
-    driving_covariate = "volume"
-    quantities = (Quantity("share", "1", 0.2),)
-
-    def settled(self, settled: Settled, contact: Contact, scene: PushScene) -> Settled:
-        return settled._replace(rims_m=settled.rims_m * np.float32(1 - self.values[0]))
-
-
 class Sinking(Mechanism):
     """Material yields while the tool rests at the end of its travel, so that a longer dwell makes the push deeper.
 
@@ -67,6 +48,7 @@ class Sinking(Mechanism):
     cause = "sinking"
     site = "command"
     driving_covariate = "rest"
+    hidden_from_network = True
     quantities = (Quantity("by_log_dwell", "1", 0.05),)
 
     @classmethod
