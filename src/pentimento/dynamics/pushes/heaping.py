@@ -48,7 +48,7 @@ def heaped(
         width_px: standard deviation of the deposition kernel around the contact.
         facing: extra deposit straight ahead of a level travel, relative to the sides.
         flanking: extra deposit at the sides of a level travel, and as much less ahead of it and behind it.
-        log_steep: logarithm of the slope of a descent, length by depth, at which direction has 0.7 of its effect.
+        log_steep: logarithm of the length of a travel over its depth at which its direction has 0.7 of its effect.
         stand_off: reduction of the deposit at the contact edge; 0: none, 2: no deposit at a straight edge.
         refill: deposit in the tool's own groove, relative to level ground; 0: almost none.
     """
