@@ -102,9 +102,14 @@ def learn_residual(
     predicted_only = replace(
         measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM)
     )
-    amounts = cause_projection(linearise(full, predicted_only.pick(rows)), full.nuisances)
+    statistics = linearise(full, predicted_only.pick(rows))
+    amounts = cause_projection(statistics, full.nuisances)
     # The pushes hardly determine some nuisances; their linear effect must not be extrapolated.
-    amounts[: full.nuisances] = np.clip(amounts[: full.nuisances], -_MAX_NUISANCE, _MAX_NUISANCE)
+    held = (np.abs(amounts) > _MAX_NUISANCE) & (np.arange(len(amounts)) < full.nuisances)
+    amounts[held] = np.clip(amounts[held], -_MAX_NUISANCE, _MAX_NUISANCE)
+    curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
+    free = ~held & (amounts != 0)
+    amounts[free] = np.linalg.lstsq(curvature[np.ix_(free, free)], slope[free] - curvature[free] @ (amounts * held))[0]
     learned_residual = LearnedPushResidual(full, trees, share, amounts)
     return learned_residual, learned_residual._with_prediction(measured, seen, predicted)
 
