@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from pentimento.dynamics.pushes.contact import Sweep
 from pentimento.dynamics.pushes.heaping import heaped
@@ -27,6 +28,8 @@ def deposit(
     start_px: tuple[float, float] = (26.0, 31.5),
     facing: float = 0.5,
     stand_off: float = 1.0,
+    flanking: float = 0.0,
+    refill: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Deposit of one push of a ball, and the material that its envelope removes, [H, W] metres."""
     along, across = places(heading, start_px)
@@ -34,9 +37,9 @@ def deposit(
     tip_depth = depth_m * (np.linspace(0, 1, 9) if length_m else np.ones(9))[None]
     knots = np.stack([np.array([0.15, 1.6]) * HALF_WIDTH_M, np.zeros(2)])
     fixed = np.array([RADIUS_M, 1.0, 0.0, 0.0002, HALF_WIDTH_M])
-    found = heaped(
-        Sweep(before, along, across, motion, tip_depth, knots, fixed), 3.0, facing=facing, stand_off=stand_off
-    )[0]
+    sweep = Sweep(before, along, across, motion, tip_depth, knots, fixed)
+    shape = {"facing": facing, "flanking": flanking, "log_steep": 0.0, "stand_off": stand_off, "refill": refill}
+    found = heaped(sweep, 3.0, **shape)[0]
     stations = np.linspace(0, length_m, 200)
     ramp = stations / length_m if length_m else np.ones(200)
     away = (along[0][..., None] - stations) ** 2 + across[0][..., None] ** 2
@@ -59,6 +62,19 @@ def test_displacement_conserves_material() -> None:
 def test_no_deposit_in_fresh_groove() -> None:
     found, taken = deposit(flat())
     assert found[taken > 0.001].sum() < 0.03 * found.sum()
+
+
+def test_refill_lays_material_into_the_fresh_groove_and_conserves_it() -> None:
+    found, taken = deposit(flat(), refill=1.0)
+    assert found[taken > 0.001].sum() > 0.1 * found.sum()
+    assert found.sum() == pytest.approx(taken.sum(), rel=0.04)
+
+
+def test_flanking_moves_deposit_to_the_sides_of_the_travel() -> None:
+    along, across = (each[0] for each in places(0.0, (26.0, 31.5)))
+    beside = (np.abs(across) > HALF_WIDTH_M) & (along > 0) & (along < 0.02)
+    plain, aside = (deposit(flat(), flanking=amount)[0] for amount in (0.0, 0.8))
+    assert aside[beside].sum() / aside.sum() > 1.1 * plain[beside].sum() / plain.sum()
 
 
 def test_vertical_push_raises_symmetric_ring() -> None:

@@ -34,10 +34,14 @@ _PRIORS = {
     "kept": (0.3, 0.05, 1.5),
     "log_rims": (0.5, -1.5, 0.7),
     "facing": (0.5, -1.0, 1.5),
+    "flanking": (0.5, -1.0, 1.0),
+    "log_steep": (1.0, -3.0, 1.5),
     "stand_off": (1.0, 0.0, 3.5),
+    "refill": (0.3, 0.0, 1.0),
     "along_mm": (1.0, -3.0, 3.0),
     "end_lift": (2.0, -6.0, 15.0),
     "end_pull": (1.0, -6.0, 6.0),
+    "smear": (0.5, 0.0, 1.5),
     "log_blur": (0.7, float(np.log(0.3)), float(np.log(4.0))),
 }
 """Prior standard deviation, lower and upper bound of the base's parameters."""

@@ -32,6 +32,8 @@ _TREES = 50
 """Boosting rounds."""
 _FIRST_TREES = 20
 """Boosting rounds of the first fit, from which each push's execution noise is estimated."""
+_MAX_NUISANCE = 0.5
+"""Maximum change of a nuisance parameter that is taken from the prediction; one step of a fit is as long."""
 _LINEAR_STEP = 1e-3
 """Finite-difference step, relative to a parameter's typical size."""
 
@@ -83,7 +85,14 @@ def learn_residual(
     predicted_only = replace(
         measured, after=measured.scene.before + full.change(measured.scene) + maps / np.float32(MM)
     )
-    amounts = cause_projection(linearise(full, predicted_only.pick(rows)), full.nuisances)
+    statistics = linearise(full, predicted_only.pick(rows))
+    amounts = cause_projection(statistics, full.nuisances)
+    # The pushes hardly determine some nuisances; their linear effect must not be extrapolated.
+    held = (np.abs(amounts) > _MAX_NUISANCE) & (np.arange(len(amounts)) < full.nuisances)
+    amounts[held] = np.clip(amounts[held], -_MAX_NUISANCE, _MAX_NUISANCE)
+    curvature, slope = statistics.curvature.sum(0), statistics.slope.sum(0)
+    free = ~held & (amounts != 0)
+    amounts[free] = np.linalg.lstsq(curvature[np.ix_(free, free)], slope[free] - curvature[free] @ (amounts * held))[0]
     learned_residual = LearnedPushResidual(full, trees, share, amounts)
     return learned_residual, learned_residual._with_prediction(measured, seen, predicted)
 

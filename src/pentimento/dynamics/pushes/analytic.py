@@ -42,9 +42,9 @@ PROFILE = tuple(f"profile_{k}_mm" for k in range(len(KNOTS)))
 CONTACT = (
     "log_radius", *PROFILE, "log_gain", "log_gain_by_depth", "log_edge", "log_aspect", "corners", "give_mm", "along_mm",
 )  # fmt: skip
-HEAP = ("log_rims", "facing", "stand_off")
+HEAP = ("log_rims", "facing", "flanking", "log_steep", "stand_off", "refill")
 KEPT = ("kept",)
-SURFACE = ("end_lift", "end_pull")
+SURFACE = ("end_lift", "end_pull", "smear")
 BASE = (*CONTACT, *HEAP, *KEPT, *SURFACE, "log_blur")
 START = dict.fromkeys(BASE, 0.0) | {"kept": 0.9, "facing": 0.5, "stand_off": 1.0, "log_blur": float(np.log(0.7))}
 EDGE_M = 0.0003
@@ -155,7 +155,8 @@ def heap(model: AnalyticPush, scene: PushScene, contact: Contact) -> Contact:
 def _heaped(model: AnalyticPush, scene: PushScene, sweep: Sweep, contact: Contact) -> Contact:
     number = _numbers(model)
     width_px = _RIMS * np.exp(number["log_rims"]) * scene.half_width_m / scene.pixel_m
-    return contact._replace(heaped_m=heaped(sweep, width_px, facing=number["facing"], stand_off=number["stand_off"]))
+    shape = {name: number[name] for name in HEAP if name != "log_rims"}
+    return contact._replace(heaped_m=heaped(sweep, width_px, **shape))
 
 
 def _sweep(model: AnalyticPush, scene: PushScene) -> Sweep:
@@ -209,17 +210,19 @@ def keep(model: AnalyticPush, scene: PushScene, contact: Contact) -> Array:
 def settle(model: AnalyticPush, scene: PushScene, contact: Contact, indentation_m: Array) -> Array:
     """Change of height after the displaced material has settled, float32[B, H, W] metres."""
     number = _numbers(model)
-    rims = (1 - contact.inside) * contact.heaped_m
+    rims = (1 - np.float32(1 - number["refill"]) * contact.inside) * contact.heaped_m
     # Volume balance: the rims hold the volume of the indentation that stays.
     pressed = indentation_m.sum((1, 2))
     rims *= per_push(pressed / np.maximum(rims.sum((1, 2)), _MIN_RIMS * pressed + _MIN_VOLUME_M))
     lift = np.float32(number["end_pull"] * 1e-3) * contact.beyond_end
     lift += np.float32(number["end_lift"] * 1e-3)
     lift *= contact.peak
+    blur = float(np.exp(number["log_blur"]))
+    lift += np.float32(number["smear"]) * contact.inside * (spread(scene.before, blur) - scene.before)
     settled = Settled(indentation_m, rims, lift)
     for mechanism in model.active_mechanisms:
         settled = mechanism.settled(settled, contact, scene)
-    return spread(settled.lift_m + settled.rims_m - settled.indentation_m, float(np.exp(number["log_blur"])))
+    return spread(settled.lift_m + settled.rims_m - settled.indentation_m, blur)
 
 
 def typical(mechanism: Mechanism) -> Array:

@@ -39,13 +39,18 @@ _MIN_WEIGHT = np.float32(0.02)
 """Lower bound of the direction and stand-off factors of the deposit."""
 
 
-def heaped(sweep: Sweep, width_px: float, *, facing: float, stand_off: float) -> Array:
+def heaped(
+    sweep: Sweep, width_px: float, *, facing: float, flanking: float, log_steep: float, stand_off: float, refill: float
+) -> Array:
     """Height of the deposit around the grooves of B pushes, float32[B, H, W] metres; material is conserved.
 
     Args:
         width_px: standard deviation of the deposition kernel around the contact.
         facing: extra deposit straight ahead of a level travel, relative to the sides.
+        flanking: extra deposit at the sides of a level travel, and as much less ahead of it and behind it.
+        log_steep: logarithm of the length of a travel over its depth at which its direction has 0.7 of its effect.
         stand_off: reduction of the deposit at the contact edge; 0: none, 2: no deposit at a straight edge.
+        refill: deposit in the tool's own groove, relative to level ground; 0: almost none.
     """
     reach = math.ceil(_WIDTHS * width_px)
     kernel = np.exp(-np.square(np.arange(-reach, reach + 1) / width_px) / 2)
@@ -53,7 +58,7 @@ def heaped(sweep: Sweep, width_px: float, *, facing: float, stand_off: float) ->
     pitch = _PITCH * sweep.fixed[4]
     steps = np.clip(np.ceil(sweep.motion[:, 3] / pitch) + 1, _MIN_STEPS, _MAX_STEPS).astype(np.int64)
     deposit = np.zeros_like(sweep.before)
-    shape = np.array([facing, stand_off], dtype=np.float32)
+    shape = np.array([facing, flanking, np.exp(log_steep), stand_off, refill], dtype=np.float32)
     _displace(sweep.single(), kernel, shape, steps, deposit)
     return deposit
 
@@ -62,7 +67,7 @@ def heaped(sweep: Sweep, width_px: float, *, facing: float, stand_off: float) ->
 def _displace(sweep: Sweep, kernel: Array, shape: Array, steps: Array, deposit: Array) -> None:
     before, along, across, motion, tip_depth, knots, fixed = sweep
     radius, aspect, corners, edge, half_width = fixed
-    facing, stand_off = shape
+    facing, flanking, steep, stand_off, refill = shape
     one, whole = np.float32(1), np.float32(tip_depth.shape[1] - 1)
     rows, columns = before.shape[1:]
     apart = _MAX_RADIUS * half_width / np.float32(_PROFILE_SAMPLES - 1)
@@ -81,7 +86,8 @@ def _displace(sweep: Sweep, kernel: Array, shape: Array, steps: Array, deposit: 
             n += 1
         side_m = apart * np.float32(n) / (narrower * min(aspect, one) * math.sqrt(one - max(corners, np.float32(0))))
         lowest = max(tip_depth[b, tip_depth.shape[1] - 1], np.float32(1e-4))
-        ahead = facing * length / np.float32(math.hypot(length, lowest))
+        level = length / np.float32(math.hypot(length, steep * lowest))
+        laid = facing * level, flanking * level, stand_off, refill
         right_m, left_m = along[b, 0, 1] - along[b, 0, 0], across[b, 0, 1] - across[b, 0, 0]
         pixel2 = right_m * right_m + left_m * left_m
         side = int(side_m / math.sqrt(pixel2)) + 1
@@ -105,7 +111,7 @@ def _displace(sweep: Sweep, kernel: Array, shape: Array, steps: Array, deposit: 
             )  # fmt: skip
             if taken > 0:
                 _deposit(
-                    taken, (u0, aside, ahead, stand_off, half_width), box, kernel, before[b], along[b], across[b],
+                    taken, (u0, aside, half_width), laid, box, kernel, before[b], along[b], across[b],
                     ground, contact, spread, weight, deposit[b],
                 )  # fmt: skip
 
@@ -158,7 +164,8 @@ def _take(
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "arcp"})
 def _deposit(
     taken: np.float32,
-    numbers: tuple[float, float, float, float, float],
+    tool: tuple[float, float, float],
+    laid: tuple[float, float, float, float],
     box: tuple[int, int, int, int],
     kernel: Array,
     before: Array,
@@ -172,7 +179,7 @@ def _deposit(
 ) -> None:
     """Deposit the removed material around the contact, which lies within the box of pixels (first and last row,
     column)."""
-    u0, v0, ahead, stand_off, half_width = numbers
+    (u0, v0, half_width), (facing, flanking, stand_off, refill) = tool, laid
     one, zero, per_groove = np.float32(1), np.float32(0), 1 / _GROOVE_M
     top, bottom, first, last = box
     reach = len(kernel) // 2
@@ -200,8 +207,9 @@ def _deposit(
         for j in range(width):
             ahead_m, aside_m, lowered = u[j] - u0, v[j] - v0, (first_m[j] - now_m[j]) * per_groove
             away_m = np.float32(math.sqrt(ahead_m * ahead_m + aside_m * aside_m)) + half_width / 2
-            row[j] *= max(one - stand_off * row[j], _MIN_WEIGHT) / (one + lowered * lowered)
-            row[j] *= max(one + ahead * ahead_m / away_m, _MIN_WEIGHT)
+            row[j] *= max(one - stand_off * row[j], _MIN_WEIGHT) * (refill + (one - refill) / (one + lowered * lowered))
+            ahead, beside = ahead_m / away_m, aside_m / away_m
+            row[j] *= max(one + facing * ahead + flanking * (beside * beside - ahead * ahead), _MIN_WEIGHT)
         if top <= i <= bottom:
             for j in range(first, last + 1):
                 weight[i, j] *= one - contact[i, j]
