@@ -1,1 +1,1 @@
-"""A third simulator of pushes, for the base of the diagnosis only: a viscoplastic flow, written after the base."""
+"""A third simulator of clay: a Bingham flow under a blunt oblong tool, by other laws than the model and the studio."""
