@@ -126,19 +126,6 @@ def fit(
     return model
 
 
-def fit_without(model: AnalyticPush, cause: str, base: AnalyticPush, measured: MeasuredPushes) -> AnalyticPush:
-    """The model without one cause, refitted from its own parameters or from the base's, whichever predict better.
-
-    A base that was bent by a large cause takes many iterations to come back.
-
-    Args:
-        base: the same without any cause, fitted.
-    """
-    rest = model.without(cause)
-    starts = rest, replace(rest, base=base.base)
-    return fit(min(starts, key=lambda start: _loss(start, measured)), measured)
-
-
 def equalised(measured: MeasuredPushes, model: AnalyticPush) -> MeasuredPushes:
     """The pushes with weights: the inverse of each push's error and of the mean error at each distance from the path,
     within bounds, 1 on average.

@@ -134,10 +134,12 @@ def with_learned_residual(result: PushResult) -> MeasuredPushes:
 
 
 def _cause(mechanism: Mechanism) -> Cause:
+    typical = np.array([q.typical for q in mechanism.quantities])
     return Cause(
         name=mechanism.cause,
         quantities=tuple(Quantity(*q) for q in mechanism.quantities),
         covariates=mechanism.informative_covariates,
         family=mechanism.driving_covariate,
         signature=mechanism.signature,
+        is_possible=lambda values: type(mechanism)(values * typical, mechanism.reference).physical,
     )

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.gauss_newton import Statistics, covariance, damped_step, predicted_decrease
+from pentimento.diagnosis.gauss_newton import Statistics, damped_step, predicted_decrease
 from pentimento.diagnosis.score import paired_p
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import BASE, SLABS, WIDTHS, Model, UnevenEnds
 from pentimento.diagnosis.strokes.predict import action_losses
-from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
 
@@ -227,20 +226,3 @@ def _mixing_by(model: Model, mixing: float) -> Model:
     numbers = model.base.copy()
     numbers[BASE.index("mixing")] = mixing
     return replace(model, base=numbers)
-
-
-def values_with_errors(model: Model, mechanism: Mechanism, measured: Measured) -> dict[str, tuple[float, float]]:
-    """Each quantity of a fitted mechanism with its standard error, in the quantity's unit, by name.
-
-    Args:
-        model: fitted to ``measured``.
-        mechanism: of the model; looked up by its cause.
-    """
-    spread = covariance(with_prior(linearise(model, measured), model))
-    number = [m.cause for m in model.mechanisms].index(mechanism.cause)
-    fitted = model.mechanisms[number]
-    at = model.nuisances + sum(len(m.quantities) for m in model.mechanisms[:number])
-    return {
-        q.name: (float(value), float(np.sqrt(max(spread[at + i, at + i], 0.0)) * q.typical))
-        for i, (q, value) in enumerate(zip(fitted.quantities, fitted.values, strict=True))
-    }

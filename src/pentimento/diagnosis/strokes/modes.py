@@ -19,12 +19,6 @@ from pentimento.dynamics.strokes.traj2stroke import Mark
 Array = NDArray[Any]
 
 MODES = ("amplitude", "width", "tangential", "normal", "canvas_x", "canvas_y", "blur")
-_KNOTS = (0.0, 1 / 3, 2 / 3, 1.0)
-"""Quantiles of the covariate."""
-_RIDGES = (0.01, 0.1, 1.0, 10.0)
-"""Ridge candidates, relative to each curve's own curvature; without any gain there is no modulation."""
-_STEPS = 2
-_DRAWS = 1999
 
 
 class AllModes(Mechanism):

@@ -17,7 +17,6 @@ class HeightOffset(Mechanism):
     driving_covariate = "place"
     hidden_from_network = True
     informative_covariates = ("start_x_m", "start_y_m")
-    by_place = ("lower_to_the_right_m", "lower_to_the_top_m")
     quantities = (
         Quantity("lower_m", "m", 0.0005),
         Quantity("lower_to_the_right_m", "m/half extent", 0.0005),

@@ -110,8 +110,6 @@ class Mechanism:
     hidden_from_network: ClassVar[bool]
     """Whether the effect depends on what a network in the push's own pose does not see: place on the table, heading,
     time or history. `analytic_correction` adds such a cause to the network's prediction."""
-    by_place: ClassVar[tuple[str, ...]] = ()
-    """Quantities that make the effect vary over the table, which no shape of the base does."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as from ``reference_of`` on the fitted
