@@ -34,7 +34,7 @@ def test_lens_displaces_as_one_rectified_picture_can(
 
 
 def test_linear_displacement_alone_is_no_lens(problem: StrokeProblem) -> None:
-    assert not problem.causes["lens_distortion"].allows(np.array([0.0, 0.5]))
+    assert not problem.causes["lens_distortion"].allows(np.array([0.01, 0.5]))
 
 
 def test_lag_does_not_lead(problem: StrokeProblem) -> None:
