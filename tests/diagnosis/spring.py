@@ -49,7 +49,7 @@ def spring(*, rate: float = 0.0, wear: float = 0.0, warmth: float = 0.0, seed: i
         force,
         (Parameter("log_stiffness", 0.5, 0.2), Parameter("zero_n", 0.0, 0.2)),
         {cause.name: cause for cause in CAUSES},
-        Rows(action, turn // 9, covariates),
+        Rows(action, turn // 9, turn, covariates),
         kind="pulls",
         unit="N²",
         seed=0,
