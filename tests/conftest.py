@@ -18,9 +18,12 @@ os.environ.update(
 # Slow files, in the order in which they begin: one that began last would leave the other process without work. Files
 # of one row run in one process, because they share a fixture that takes long to create.
 _SLOW = (
+    ("tests/diagnosis/strokes/test_families.py",),
+    ("tests/diagnosis/pushes/test_families.py",),
+    ("tests/diagnosis/strokes/test_blind_worlds.py",),
     tuple(
         f"tests/diagnosis/strokes/test_{name}.py"
-        for name in ("figures", "next_actions", "page", "user_baseline", "verdict", "write")
+        for name in ("figures", "next_actions", "page", "problem", "user_baseline", "verdict", "write")
     ),
     ("tests/pipelines/test_deploy.py", "tests/deploy/test_bundle.py", "tests/bundle/test_graphs.py"),
     ("tests/test_cli.py",),

@@ -55,7 +55,7 @@ def test_diagnose_finds_ink_depletion_in_the_example_strokes(
     options = ("--kind", "strokes", "--test", str(outside), "--base", str(base))
     assert run(example_table(72), tmp_path, *options) == 0
     verdict = json.loads((tmp_path / "out/verdict.json").read_text())
-    assert verdict["schema"] == 1 and verdict["rows"] == 72
+    assert verdict["schema"] == 2 and verdict["rows"] == 72
     assert [entry["cause"] for entry in verdict["established"]] == ["ink_depletion"]
     assert verdict["mse"]["extended"] < verdict["mse"]["base"] < verdict["mse"]["given"]
     assert (tmp_path / "out/figures/given_strokes.png").is_file()
@@ -85,7 +85,7 @@ def test_diagnose_reports_missing_columns_and_still_decides(tmp_path: Path, caps
 
 
 @pytest.mark.parametrize(
-    ("rows", "says"), [(0, "no rows"), (1, "12"), (10, "at least 12")], ids=["none", "one", "too few"]
+    ("rows", "says"), [(0, "no rows"), (1, "15"), (10, "at least 15")], ids=["none", "one", "too few"]
 )
 def test_diagnose_rejects_too_few_rows(
     rows: int, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

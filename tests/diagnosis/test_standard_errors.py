@@ -8,15 +8,18 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
+from pentimento.diagnosis.diagnose import values_with_errors
 from pentimento.diagnosis.gauss_newton import Statistics, covariance
-from pentimento.diagnosis.strokes.fit import first_model, fit, values_with_errors
+from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import Model, identity
-from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation
+from pentimento.diagnosis.strokes.modes import MODES, AllModes
 from pentimento.diagnosis.strokes.predict import ink, predicted_linear
+from pentimento.diagnosis.strokes.problem import FittedStrokes, stroke_problem
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
+from tests.diagnosis.strokes.hidden import swayed
 
 WORLDS = 14
 KINDS = (PathOffset, InkDepletion, SpeedWidth)
@@ -27,9 +30,7 @@ def photographed(truth: Model, measured: Measured, seed: int) -> Measured:
     rng = np.random.default_rng([seed, 1])
     typical = np.array([quantity.typical for quantity in AllModes.quantities])
     amounts = rng.normal(0, 0.3, (len(measured), len(MODES))) * typical
-    columns = {f"modulation_{mode}": amounts[:, m] for m, mode in enumerate(MODES)}
-    swaying = truth.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
-    with_columns = replace(measured, covariates=measured.covariates | columns)
+    swaying, with_columns = swayed(truth, measured, amounts)
     after = linear_to_srgb(predicted_linear(ink(swaying, with_columns), with_columns))
     after = np.clip(after + rng.normal(0, 0.015, after.shape), 0, 1).astype(np.float32)
     return replace(measured, samples=measured.samples._replace(after=torch.from_numpy(after)))
@@ -46,9 +47,10 @@ def test_95_percent_intervals_cover_the_truth() -> None:
         true = plain.vector.copy()
         true[plain.nuisances :] = rng.uniform(0.3, 1.0, len(true) - plain.nuisances)  # of what is typical
         truth = plain.at(true)
-        fitted = fit(plain, photographed(truth, measured, seed))
-        for mechanism, hidden in zip(fitted.mechanisms, truth.mechanisms, strict=True):
-            found = values_with_errors(fitted, mechanism, photographed(truth, measured, seed))
+        problem = stroke_problem(photographed(truth, measured, seed), KINDS, seed)
+        fitted = FittedStrokes(fit(plain, problem.measured))
+        for hidden in truth.mechanisms:
+            found = values_with_errors(problem, fitted, hidden.cause)
             for (value, error), true_value in zip(found.values(), hidden.values.tolist(), strict=True):
                 held += abs(value - true_value) < 1.96 * error
                 total += 1

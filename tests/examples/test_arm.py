@@ -8,16 +8,14 @@ import pytest
 from examples.diagnose_your_simulator.arm import following, problem, problem_of
 from examples.diagnose_your_simulator.robot import make_log
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.diagnosis.decision import default_decision
 from pentimento.diagnosis.diagnose import diagnose
-from pentimento.diagnosis.rule import DecisionRule
 
 
 def test_the_hidden_fault_of_the_arm_is_named() -> None:
     log = make_log("link_mass", 4, 1.0)
     half = log["action"] % 2 == 0  # is enough, and takes half the time
     arm = problem_of({name: values[half] for name, values in log.items()}, 0)
-    result = diagnose(arm, default_decision(), DecisionRule(), seed=0, log=lambda line: None)
+    result = diagnose(arm, seed=0, log=lambda line: None)
     assert [finding.cause for finding in result.established] == ["link_mass"]
     value, error = result.established[0].values["log_mass"]
     assert value > max(0.1, 5 * error)  # the robot's link is heavier, and its centre of mass lies farther out

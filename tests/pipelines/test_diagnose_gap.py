@@ -12,6 +12,8 @@ from ruamel.yaml import YAML
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import write_table
+from pentimento.diagnosis.evidence import Evidence
+from pentimento.diagnosis.rule import DEFAULT_RULE
 from pentimento.dynamics.strokes.extended import read_stroke_model
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.samples import load_samples
@@ -84,10 +86,12 @@ def test_each_candidate_is_a_run_below_the_diagnosis(client: Any, folder: Path) 
     assert set(children) >= {kind.cause for kind in VOCABULARY}
     assert all(run.info.status == "FINISHED" for run in runs)
     found = children["ink_depletion"]
-    assert (found.data.tags["verdict"], found.data.tags["chosen"]) == ("established", "true")
-    assert {"p", "p_adjusted", "gain", "gain_low", "gain_high"} <= set(found.data.metrics)
-    assert found.data.metrics["p_adjusted"] < 0.02 and found.data.metrics["gain_low"] > 0
+    assert found.data.tags["verdict"] == "established"
+    assert set(found.data.metrics) == {"probability", "gain", "gain_low", "gain_high", *Evidence._fields}
+    assert found.data.metrics["probability"] >= DEFAULT_RULE.established and found.data.metrics["gain_low"] > 0
     assert {run.data.tags["verdict"] for run in children.values()} >= {"established", "not established"}
+    others = [run for run in children.values() if run.data.tags["verdict"] == "not established"]
+    assert all(set(run.data.metrics) == {"p", "gain"} for run in others)
     unseen = [run for run in children.values() if run.data.tags["verdict"] == "not observable"]
     assert all(run.data.tags["reason"] for run in unseen)
 

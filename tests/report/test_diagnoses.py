@@ -14,22 +14,22 @@ from pentimento.report.html import Album
 from tests.report.test_page import read
 
 VERDICT: dict[str, Any] = {
-    "schema": 1,
+    "schema": 2,
     "kind": "strokes",
     "rows": 168,
     "actions": 120,
-    "mse": {"base": 4.2e-4, "extended": 1.3e-4, "floor": 1.1e-4, "floor_ci": [1e-4, 1.4e-4]},
+    "mse": {"unit": "sRGB", "base": 4.2e-4, "extended": 1.3e-4, "floor": 1.1e-4, "floor_ci": [1e-4, 1.4e-4]},
     "established": [
         {
-            "cause": "ink_depletion", "p_adj": 0.0002, "gain": 0.93, "gain_ci": [0.88, 0.97],
+            "cause": "ink_depletion", "probability": 0.998, "gain": 0.93, "gain_ci": [0.88, 0.97],
             "parameters": {"density_loss": {"value": -0.31, "se": 0.02}}, "rivals": [],
+            "evidence": {"discovery_z": 7.1},
         }
     ],
     "suspected": [],
     "gap_closed": {"test": 0.94, "ci": [0.9, 0.98], "shifted": None},
     "unexplained": [],
     "floor_reached": True,
-    "next_actions": "next_actions.parquet",
     "sentence": "Established: ink_depletion & nothing else.",
 }  # fmt: skip
 
@@ -48,7 +48,12 @@ def test_section_has_the_verdict_and_figures_of_each_tool(folder: Path) -> None:
     html = diagnoses_section([read_diagnosis("round_brush", folder), read_diagnosis("marker", folder)], album)
     assert read(html).open == []
     assert "The round brush" in html and "The marker" in html
-    assert "ink_depletion &amp; nothing else" in html and "93\u00a0%" in html and "−0.31" in html
+    assert (
+        "ink_depletion &amp; nothing else" in html
+        and "93\u00a0%" in html
+        and "established (1.00)" in html
+        and "−0.31" in html
+    )
     assert set(album.files) == {
         f"gap_{t}_{n}.png" for t in ("round_brush", "marker") for n in ("leave_one_out", "strokes")
     }
@@ -72,6 +77,6 @@ def test_unknown_floor_is_left_out() -> None:
 def test_missing_verdict_or_other_schema_is_an_error(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(ContractError, match="diagnose_gap"):
         read_diagnosis("marker", tmp_path / "nowhere")
-    (folder / "verdict.json").write_text(json.dumps(VERDICT | {"schema": 2}))
-    with pytest.raises(ContractError, match="schema 2"):
+    (folder / "verdict.json").write_text(json.dumps(VERDICT | {"schema": 1}))
+    with pytest.raises(ContractError, match="schema 1"):
         read_diagnosis("marker", folder)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from studies.blind.strokes.pixelwise import select
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.strokes import CONTRACT
@@ -22,7 +23,6 @@ from studies.blind.strokes.design import REPEATED, SINGLES, TIMES, Command, rand
 from studies.blind.strokes.make import commands_of, make_world
 from studies.blind.strokes.other_tables import commands_from, shifted_table, with_doubled
 from studies.blind.strokes.paint_context import Disturbance, Mode, PaintContext
-from studies.blind.strokes.pixelwise import select
 from studies.blind.strokes.strength import Trial, disturbances, measure
 from studies.blind.strokes.worlds import CAUSES, OUTSIDE, Outside, Sketch, sketch_world
 from studies.blind.truth import Strength, StrengthError, Truth, write_world

@@ -39,14 +39,6 @@ def floor_of_repeats(rest: Array, valid: Array, groups: Sequence[Array], seed: i
 
     Only pixels count that are ``valid`` [B, H, W] in all rows of an action; all other residuals are 0.
     """
-    values = repeat_variances(rest, valid, groups)
-    if len(values) < MIN_REPEATED:
-        return None
-    return weighted_floor(values, np.ones(len(values)), seed)
-
-
-def repeat_variances(rest: Array, valid: Array, groups: Sequence[Array]) -> Array:
-    """Variance of the rows about the mean of their action, [K], one of each group of two rows or more."""
     found = []
     for rows in groups:
         if len(rows) < 2:
@@ -54,15 +46,11 @@ def repeat_variances(rest: Array, valid: Array, groups: Sequence[Array]) -> Arra
         seen = (valid[rows] > 0).all(0)
         own = rest[rows][:, seen]
         found.append(np.square(own - own.mean(0)).sum() / (len(rows) - 1) / own[0].size)
-    return np.array(found)
-
-
-def weighted_floor(values: Array, weights: Array, seed: int) -> Floor:
-    """The weighted mean of variances [K], with its interval by resampling the actions of positive weight."""
-    values, weights = values[weights > 0], weights[weights > 0]
-    drawn = resamples(len(values), _DRAWS, [seed, 8])
-    means = (weights * values)[drawn].sum(1) / weights[drawn].sum(1)
-    return Floor(float((weights * values).sum() / weights.sum()), interval(means))
+    if len(found) < MIN_REPEATED:
+        return None
+    variances = np.array(found)
+    means = variances[resamples(len(variances), _DRAWS, [seed, 8])].mean(1)
+    return Floor(float(variances.mean()), interval(means))
 
 
 def mean_gain(gains: Array, seed: int) -> tuple[float, tuple[float, float]]:

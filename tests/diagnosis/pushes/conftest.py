@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import pytest
 
-from pentimento.diagnosis.pushes.diagnose import PushDiagnosis, diagnose
+from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
+from pentimento.diagnosis.pushes.problem import PushResult, push_problem
 from pentimento.dynamics.pushes.measured import PushSamples
 from pentimento.dynamics.pushes.mechanisms.far_field import FarField
 from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
@@ -20,7 +21,7 @@ ACTIONS, LOST = 28, 0.5
 class Played(NamedTuple):
     samples: PushSamples
     measured: MeasuredPushes
-    diagnosis: PushDiagnosis
+    result: PushResult
 
 
 @pytest.fixture(scope="session")
@@ -28,5 +29,5 @@ def lossy() -> Played:
     given = blank(ACTIONS)
     samples = played([mechanism(VolumeLoss, given, lost_share=LOST)], ACTIONS)
     measured = measure(samples)
-    few = (VolumeLoss, FarField, ToolBacklash)
-    return Played(samples, measured, diagnose(measured, few, 0, log=lambda line: None))
+    problem = push_problem(measured, (VolumeLoss, FarField, ToolBacklash), 0)
+    return Played(samples, measured, diagnose(problem, seed=0, log=lambda line: None))

@@ -108,16 +108,3 @@ def test_learned_residual_is_robust_to_execution_noise(lipped: tuple[MeasuredPus
     )
     assert np.square(apart[NEW] * 1e3).sum() > np.square(calm).sum()
     assert np.square(found - calm).sum() < 0.3 * np.square(calm).sum()
-
-
-def test_refitting_to_more_pushes_improves_prediction(
-    session: Session, lipped: tuple[MeasuredPushes, AnalyticPush]
-) -> None:
-    plain, clean, causes = session
-    measured, model = lipped
-    learned_residual, learned = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], candidates=causes, seed=0)
-    more, known = learned_residual.refitted(learned, KNOWN)
-    np.testing.assert_array_equal(known.learned_mm[KNOWN], learned.learned_mm[KNOWN])
-    np.testing.assert_allclose(more.of(measured.pick(NEW)).learned_mm, known.learned_mm[NEW], atol=1e-5)
-    noise = error(clean, plain, NEW)
-    assert error(model, known, NEW) - noise < 0.9 * (error(model, learned, NEW) - noise)

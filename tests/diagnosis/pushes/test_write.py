@@ -44,7 +44,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_command_detects_pushes_by_columns(out: Path) -> None:
     verdict = json.loads((out / "verdict.json").read_text())
-    assert verdict["schema"] == 1 and verdict["kind"] == "pushes" and verdict["actions"] == 16
+    assert verdict["schema"] == 2 and verdict["kind"] == "pushes" and verdict["actions"] == 16
     assert {"extended_model.json", "next_actions.parquet", "report.html", "figures"} <= {p.name for p in out.iterdir()}
     page = (out / "report.html").read_text()
     assert verdict["sentence"].split(".")[0] in page and "data:image/png" in page
@@ -58,7 +58,7 @@ def test_command_rejects_stroke_options_for_pushes(tmp_path: Path, capsys: pytes
 
 
 def test_extended_model_round_trips(lossy: Played, tmp_path: Path) -> None:
-    model, width = lossy.diagnosis.extended, lossy.measured.scene.half_width_m
+    model, width = lossy.result.extended.model, lossy.measured.scene.half_width_m
     path = tmp_path / "extended_model.json"
     path.write_text(json.dumps(model_as_json(model, width)))
     again, read_width = model_from_json(json.loads(path.read_text()))
@@ -69,8 +69,8 @@ def test_extended_model_round_trips(lossy: Played, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def screened(lossy: Played) -> tuple[PushScreening, PushProposal]:
-    screening = screen(lossy.diagnosis)
-    return screening, proposal_for(lossy.diagnosis, screening, 0)
+    screening = screen(lossy.result)
+    return screening, proposal_for(lossy.result, screening, 0)
 
 
 def test_proposed_pushes_are_feasible_pairs(lossy: Played, screened: tuple[PushScreening, PushProposal]) -> None:
@@ -81,7 +81,7 @@ def test_proposed_pushes_are_feasible_pairs(lossy: Played, screened: tuple[PushS
     recorded = lossy.measured.scene.action
     assert (action[:, 3:] >= recorded[:, 3:].min(0) - 1e-6).all()
     assert (action[:, 3:] <= recorded[:, 3:].max(0) + 1e-6).all()
-    planned = as_measured(proposal.action, proposal.settings, lossy.diagnosis.extended, lossy.measured)
+    planned = as_measured(proposal.action, proposal.settings, lossy.result.extended.model, lossy.measured)
     second = np.arange(1, 16, 2)
     assert not planned.scene.worked[second - 1].any() and (planned.scene.worked[second].max((1, 2)) > 0).all()
     for before, after in proposal.aliasing.values():
@@ -89,8 +89,14 @@ def test_proposed_pushes_are_feasible_pairs(lossy: Played, screened: tuple[PushS
 
 
 def test_report_page_is_reproducible(lossy: Played, screened: tuple[PushScreening, PushProposal]) -> None:
-    verdict = {"sentence": "It loses volume. A note.", "rows": 49, "actions": 35, "mse": {"floor": 0.01}}
-    one, other = (build_page(lossy.diagnosis, *screened, verdict) for _ in range(2))
+    verdict = {
+        "sentence": "It loses volume. A note.",
+        "kind": "pushes",
+        "rows": 49,
+        "actions": 35,
+        "mse": {"floor": 0.01},
+    }
+    one, other = (build_page(lossy.result, *screened, verdict) for _ in range(2))
     assert one == other and b"volume_loss" in one["report.html"] and b"A note." in one["report.html"]
 
 

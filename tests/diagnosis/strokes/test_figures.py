@@ -26,8 +26,8 @@ def drawn(png: bytes) -> np.ndarray:
 @pytest.mark.parametrize(
     "draw",
     [
-        lambda w: figures.leave_one_out(w.diagnosis),
-        lambda w: report.strokes(w.diagnosis, w.screening),
+        lambda w: figures.leave_one_out(w.result),
+        lambda w: report.strokes(w.result, w.screening),
         lambda w: figures.mode_heat(w.screening, {("width", "press_m")}),
         lambda w: figures.dependence(w.screening),
         lambda w: figures.drift_curve(TemporalDrift("width", 0.001, 1e-5, 1e-5, np.sin(np.arange(60) / 4))),
@@ -130,5 +130,5 @@ def test_aliasing_heat_draws_hidden_causes_as_holes() -> None:
 
 def test_stroke_sheet_shows_the_test_split(written: Written) -> None:
     screening = written.screening
-    assert len(screening.test) == len(written.diagnosis.splits.test)
-    assert drawn(report.strokes(written.diagnosis, screening, shown=1)).shape[0] > 150
+    assert len(screening.test) == len(written.result.splits.test)
+    assert drawn(report.strokes(written.result, screening, shown=1)).shape[0] > 150

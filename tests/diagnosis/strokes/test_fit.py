@@ -15,7 +15,7 @@ from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
 from pentimento.diagnosis.strokes.predict import action_losses
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.speed_bleed import SpeedBleed
-from tests.diagnosis.strokes.test_large_effects import strokes_of
+from tests.diagnosis.strokes.hidden import strokes_of
 
 
 @pytest.fixture(scope="module")

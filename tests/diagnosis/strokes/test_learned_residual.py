@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.fit import first_model, fit
@@ -18,13 +17,9 @@ from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.speed_density import SpeedDensity
 from pentimento.dynamics.strokes.mechanisms.tool_wear import ToolWear
 from pentimento.dynamics.strokes.simulation import Mechanism
+from tests.diagnosis.strokes.hidden import photographed
 
 KNOWN, FRESH = np.arange(40), np.arange(40, 56)
-
-
-def photographed(measured: Measured, photographs: np.ndarray) -> Measured:
-    after = torch.from_numpy(photographs.astype(np.float32))
-    return replace(measured, samples=measured.samples._replace(after=after))
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,13 @@ import torch
 
 from pentimento.contracts.colour import linear_to_srgb
 from pentimento.contracts.strokes import example_table
-from pentimento.diagnosis.residual_structure import ModeScores, find_structure, permuted_actions
+from pentimento.diagnosis.residual_structure import ModeScores, Structure, find_structure, permuted_actions
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import Measured, covariates_shown, load_measured
 from pentimento.diagnosis.strokes.model import Model
-from pentimento.diagnosis.strokes.modes import MODES, AllModes, Modulation, structured_residual
+from pentimento.diagnosis.strokes.modes import MODES, AllModes, mode_scores
 from pentimento.diagnosis.strokes.predict import ink, predicted_linear
+from tests.diagnosis.strokes.hidden import swayed
 
 AMOUNT = {"amplitude": 0.5, "width": 0.6, "normal": 1.5, "canvas_x": 1.5, "blur": 1.5}
 """In typical sizes, at one standard deviation of the temperature."""
@@ -31,21 +32,26 @@ def warmed(mode: str | None, measured: Measured, model: Model) -> Measured:
     warmth = rng.standard_normal(len(measured))
     columns = {"temperature_c": 20 + 3 * warmth, "clock_s": 60 * warmth + rng.normal(0, 15, len(measured))}
     plain = replace(measured, covariates=columns)
-    amounts = {f"modulation_{m}": np.zeros(len(measured)) for m in MODES}
+    amounts = np.zeros((len(measured), len(MODES)))
     if mode is not None:
-        amounts[f"modulation_{mode}"] = AMOUNT[mode] * warmth * AllModes.quantities[MODES.index(mode)].typical
-    drawn = model.plus(Modulation(torch.zeros(len(MODES), dtype=torch.float64), {}))
-    with_columns = replace(plain, covariates=columns | amounts)
+        m = MODES.index(mode)
+        amounts[:, m] = AMOUNT[mode] * warmth * AllModes.quantities[m].typical
+    drawn, with_columns = swayed(model, plain, amounts)
     after = linear_to_srgb(predicted_linear(ink(drawn, with_columns), with_columns))
     after = np.clip(after + rng.normal(0, 0.01, after.shape), 0, 1).astype(np.float32)
     return replace(plain, samples=plain.samples._replace(after=torch.from_numpy(after)))
+
+
+def structure_of(model: Model, measured: Measured) -> Structure:
+    scores, columns = mode_scores(model, measured), covariates_shown(measured)
+    return find_structure(MODES, scores, columns, action=measured.action, seed=0)
 
 
 @pytest.mark.parametrize("mode", sorted(AMOUNT))
 def test_reports_mode_with_driving_covariate_only(mode: str, strokes: tuple[Measured, Model]) -> None:
     measured, model = strokes
     strokes_then = warmed(mode, measured, model)
-    structure = structured_residual(model, strokes_then, covariates_shown(strokes_then), seed=0)
+    structure = structure_of(model, strokes_then)
     left = structure.unexplained
     assert [(one.mode, one.covariate) for one in left[:1]] == [(mode, "temperature_c")]
     assert "clock_s" not in {one.covariate for one in left}
@@ -56,7 +62,7 @@ def test_reports_mode_with_driving_covariate_only(mode: str, strokes: tuple[Meas
 def test_reports_nothing_without_structure(strokes: tuple[Measured, Model]) -> None:
     measured, model = strokes
     strokes_then = warmed(None, measured, model)
-    assert structured_residual(model, strokes_then, covariates_shown(strokes_then), seed=0).unexplained == ()
+    assert structure_of(model, strokes_then).unexplained == ()
 
 
 def test_weights_modes_by_their_energy() -> None:

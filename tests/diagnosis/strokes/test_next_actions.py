@@ -16,9 +16,8 @@ from pentimento.diagnosis.strokes.jacobian import linearise_rows
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import Model, identity
 from pentimento.diagnosis.strokes.next_actions import Proposal, as_table, curvatures, propose
-from pentimento.diagnosis.verdict import Finding
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
-from tests.diagnosis.strokes.conftest import Written
+from tests.diagnosis.strokes.conftest import FOUND, Written
 
 PAIR = ("backlash", "path_offset")
 """Strokes of one heading cannot tell them apart, and the example's are."""
@@ -121,14 +120,13 @@ def test_proposal_keeps_constant_press(strokes: Measured) -> None:
 
 
 def test_questions_ask_rivals_then_aliased_causes(written: Written) -> None:
-    found = Finding("bristle_lag", 0.001, 0.001, 0.4, (0.2, 0.6), {"distance_m": (0.004, 0.001)}, ("latency",))
     causes = ("bristle_lag", "latency", "path_scale")
     alone, aliased = np.eye(3), np.eye(3)
     aliased[0, 2] = aliased[2, 0] = 0.97
-    rivals = replace(written.diagnosis, established=(found,), suspected=())
+    rivals = replace(written.result, established=(FOUND,), suspected=())
     assert questions(rivals, Aliasing(causes, alone)) == [("bristle_lag", "latency")]
     assert questions(rivals, Aliasing(causes, aliased)) == [("bristle_lag", "latency"), ("bristle_lag", "path_scale")]
-    settled = replace(rivals, established=(replace(found, rivals=()),))
+    settled = replace(rivals, established=(replace(FOUND, rivals=()),))
     assert questions(settled, Aliasing(causes, alone)) == [("bristle_lag",)]
 
 

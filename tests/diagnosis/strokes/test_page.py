@@ -10,8 +10,8 @@ from pentimento.diagnosis.page import cause_rows
 from pentimento.diagnosis.strokes.model import UnevenEnds
 from pentimento.diagnosis.strokes.next_actions import Proposal
 from pentimento.diagnosis.strokes.report import build_page
-from pentimento.diagnosis.verdict import Finding, verdict
-from tests.diagnosis.strokes.conftest import Written
+from pentimento.diagnosis.verdict import verdict
+from tests.diagnosis.strokes.conftest import FOUND, Written
 from tests.report.test_page import read, without_pictures
 
 
@@ -35,7 +35,7 @@ def test_page_is_valid_and_loads_nothing(files: dict[str, bytes]) -> None:
 def test_page_contains_the_verdict_and_left_out_rows(written: Written, files: dict[str, bytes]) -> None:
     page = files["report.html"].decode()
     assert page.count("Row 56 (counted from 0) is an exact copy") == 1
-    assert verdict(written.diagnosis, 56, 42)["sentence"].split(".")[0] in page
+    assert verdict(written.result)["sentence"].split(".")[0] in page
 
 
 def test_every_figure_is_also_a_file(files: dict[str, bytes]) -> None:
@@ -56,25 +56,29 @@ def test_page_has_no_paths_dates_or_placeholders(files: dict[str, bytes]) -> Non
 
 
 def test_table_lists_every_cause_once(written: Written, files: dict[str, bytes]) -> None:
-    rows = [row.name for row in cause_rows(written.diagnosis, written.screening)]
+    rows = [row.name for row in cause_rows(written.result, written.screening)]
     observable = set(written.screening.aliasing.causes) - {UnevenEnds.cause}  # uneven ends belong to the base
-    assert sorted(rows) == sorted(observable | set(written.diagnosis.search.not_observable))
+    assert sorted(rows) == sorted(observable | set(written.result.known.unobservable))
     table = files["report.html"].decode().split("<tbody>")[1].split("</tbody>")[0]
     assert re.findall(r'<th scope="row">(?:<b>)?(\w+)', table) == rows
 
 
 def test_table_starts_with_findings(written: Written) -> None:
-    found = Finding("bristle_lag", 0.001, 0.001, 0.4, (0.2, 0.6), {"distance_m": (-0.004, 0.001)}, ("latency",))
-    first = cause_rows(replace(written.diagnosis, established=(found,), suspected=()), written.screening)[0]
-    assert (first.name, first.verdict, first.gain) == ("bristle_lag", "established", "40\u00a0%")
-    assert first.quantities[0].startswith("distance_m −0.00400") and first.rivals == ("latency",)
+    negative = replace(FOUND, values={"distance_m": (-0.004, 0.001)})
+    rows = cause_rows(replace(written.result, established=(negative,), suspected=(FOUND,)), written.screening)
+    assert [(row.name, row.verdict) for row in rows[:2]] == [
+        ("bristle_lag", "established"), ("bristle_lag", "suspected"),
+    ]  # fmt: skip
+    assert (rows[0].gain, rows[0].probability, rows[0].p) == ("41\u00a0%", "0.97", "")
+    assert rows[0].quantities[0].startswith("distance_m −0.00400") and rows[0].rivals == ("latency",)
+    assert rows[2].verdict == rows[2].probability == "" and rows[2].p != ""
 
 
 def test_page_states_missing_covariates_and_questions(written: Written) -> None:
     """No covariate varies and nothing is in question."""
     nothing = np.zeros((7, 0))
     bare = replace(written.screening, covariates=(), base_strength=nothing, extended_strength=nothing, dependence=())
-    page = build_page(written.diagnosis, bare, Proposal((), (), {}), verdict(written.diagnosis, 56, 42))
+    page = build_page(written.result, bare, Proposal((), (), {}), verdict(written.result))
     html = page["report.html"].decode()
     assert "cannot be tested" in html and "no quantity needs to be measured better" in html
     assert not {"figures/modes.png", "figures/next_actions.png"} & set(page)

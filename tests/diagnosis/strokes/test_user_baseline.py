@@ -48,24 +48,24 @@ def given(written: Written) -> UserBaseline:
 
 
 def test_verdict_adds_the_baseline_only(written: Written, given: UserBaseline) -> None:
-    plain, beside = (verdict(written.diagnosis, 56, 42, given_mse=mse) for mse in (None, given.mse))
+    plain, beside = (verdict(written.result, given_mse=mse) for mse in (None, given.mse))
     assert beside["mse"].pop("given") == given.mse > beside["mse"]["base"]
     added = beside["sentence"].replace(plain["sentence"], "").strip()
     assert added.startswith("The given model has an error of") and "calibration" in added
     assert beside | {"sentence": ""} == plain | {"sentence": ""}
-    better = verdict(written.diagnosis, 56, 42, given_mse=plain["mse"]["base"] / 2)
+    better = verdict(written.result, given_mse=plain["mse"]["base"] / 2)
     assert "no more than the base" in better["sentence"]
 
 
 def test_page_shows_baseline_predictions(written: Written, given: UserBaseline) -> None:
-    content = verdict(written.diagnosis, 56, 42, given_mse=given.mse)
+    content = verdict(written.result, given_mse=given.mse)
     pages = [
-        build_page(written.diagnosis, written.screening, written.proposal, each, baseline)
-        for each, baseline in ((verdict(written.diagnosis, 56, 42), None), (content, given))
+        build_page(written.result, written.screening, written.proposal, each, baseline)
+        for each, baseline in ((verdict(written.result), None), (content, given))
     ]
     assert set(pages[1]) - set(pages[0]) == {"figures/given_strokes.png"}
     assert pages[1]["figures/leave_one_out.png"] != pages[0]["figures/leave_one_out.png"]
     assert pages[1]["figures/strokes.png"] == pages[0]["figures/strokes.png"]
     blank = given._replace(predicted=np.ones_like(given.predicted))
-    drawn = report.given_strokes(blank, written.diagnosis, written.screening)
+    drawn = report.given_strokes(blank, written.result, written.screening)
     assert drawn != pages[1]["figures/given_strokes.png"]

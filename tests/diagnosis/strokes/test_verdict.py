@@ -1,4 +1,4 @@
-"""The verdict in schema 1 and as a sentence."""
+"""The verdict in schema 2 and as a sentence."""
 
 import json
 from dataclasses import replace
@@ -7,91 +7,99 @@ import numpy as np
 import pytest
 import torch
 
-from pentimento.diagnosis.residual_structure import Unexplained
+from pentimento.diagnosis.evidence import Evidence
+from pentimento.diagnosis.mechanistic import FittedModel
+from pentimento.diagnosis.residual_structure import Structure, Unexplained
+from pentimento.diagnosis.strokes.problem import StrokeProblem, StrokeResult
 from pentimento.diagnosis.temporal_drift import TemporalDrift
-from pentimento.diagnosis.verdict import Finding, sentence, verdict
+from pentimento.diagnosis.verdict import sentence, verdict
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
 from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
-from tests.diagnosis.strokes.conftest import Written
+from tests.diagnosis.strokes.conftest import FOUND, Written
 
 KEYS = [
     "schema", "kind", "rows", "actions", "mse", "established", "suspected", "gap_closed", "unexplained",
-    "floor_reached", "next_actions", "sentence",
+    "floor_reached", "sentence",
 ]  # fmt: skip
-FOUND = Finding(
-    "bristle_lag", 0.004, 0.002, 0.41, (0.2, 0.6), {"distance_m": (0.0042, 0.0003)}, ("path_scale",)
-)  # fmt: skip
 
 
-def test_verdict_has_the_keys_of_schema_1(written: Written) -> None:
-    content = verdict(written.diagnosis, 56, 42)
+def with_structure(result: StrokeResult, *left: Unexplained) -> StrokeResult:
+    return replace(result, structure=Structure(left, np.zeros((7, 0)), ()), drift=None)
+
+
+def test_verdict_has_the_keys_of_schema_2(written: Written) -> None:
+    content = verdict(replace(written.result, drift=None))
     assert list(content) == KEYS
-    assert list(content["mse"]) == ["base", "extended", "floor", "floor_ci"]
+    assert (content["schema"], content["kind"], content["rows"], content["actions"]) == (2, "strokes", 56, 42)
+    assert list(content["mse"]) == ["unit", "base", "extended", "floor", "floor_ci"]
     assert list(content["gap_closed"]) == ["test", "ci", "shifted"]
     json.dumps(content, allow_nan=False)
 
 
-def test_finding_has_quantities_and_rivals(written: Written) -> None:
-    found = replace(written.diagnosis, established=(FOUND,))
-    entry = verdict(found, 56, 42)["established"][0]
+def test_finding_has_evidence_quantities_and_rivals(written: Written) -> None:
+    found = replace(written.result, established=(FOUND,))
+    entry = verdict(found)["established"][0]
+    assert list(entry) == ["cause", "probability", "gain", "gain_ci", "parameters", "rivals", "evidence"]
     assert entry["parameters"] == {"distance_m": {"value": 0.0042, "se": 0.0003}}
-    assert entry["rivals"] == ["path_scale"] and entry["gain_ci"] == [0.2, 0.6]
+    assert entry["probability"] == 0.97 and entry["gain_ci"] == [0.2, 0.6] and entry["rivals"] == ["latency"]
+    assert tuple(entry["evidence"]) == Evidence._fields
     text = sentence(found)
-    assert "bristle_lag" in text and "41%" in text and "To separate bristle_lag from path_scale" in text
+    assert "bristle_lag (probability 0.97;" in text and "removes 41% of the gap" in text
+    assert "Not told apart by this table: bristle_lag from latency." in text
+
+
+def test_suspected_causes_are_separate(written: Written) -> None:
+    text = sentence(replace(written.result, established=(), suspected=(replace(FOUND, probability=0.6),)))
+    assert "No known cause is established. Suspected: bristle_lag (probability 0.6;" in text
+    assert "Not told apart" not in text
 
 
 def test_floor_and_gap_are_unknown_without_repeats(written: Written) -> None:
-    content = verdict(replace(written.diagnosis, floor=None), 56, 42)
-    assert (
-        content["mse"]["floor"] is None and content["floor_reached"] is None and content["gap_closed"]["test"] is None
-    )
-    assert "floor is unknown" in content["sentence"]
+    content = verdict(replace(written.result, floor=None, established=(FOUND,)))
+    assert content["mse"]["floor"] is None and content["mse"]["floor_ci"] is None
+    assert content["floor_reached"] is None and content["gap_closed"]["test"] is None
+    assert "floor is unknown" in content["sentence"] and "removes 41% of the error" in content["sentence"]
 
 
 def test_verdict_reports_temporal_drift(written: Written) -> None:
-    drifts = TemporalDrift("width", 0.0005, 3e-5, 2e-5, np.zeros(56))
-    found = replace(written.diagnosis, drifts=drifts, established=(), unexplained=())
-    assert "width drifts" in sentence(found)
-    assert verdict(found, 56, 42)["drifts"]["mse_of_repeats"] == 2e-5
-    known = Unexplained("width", "temperature_c", 0.001, 0.2)
-    assert "drifts" not in sentence(replace(found, unexplained=(known,)))
+    drift = TemporalDrift("width", 0.0005, 3e-5, 2e-5, np.zeros(56))
+    drifting = replace(with_structure(written.result), drift=drift, established=())
+    assert "width drifts" in sentence(drifting)
+    assert verdict(drifting)["drift"] == {"mode": "width", "p": 0.0005, "mse": 3e-5, "mse_of_repeats": 2e-5}
+    known = replace(with_structure(written.result, Unexplained("width", "temperature_c", 0.001, 0.2)), drift=drift)
+    assert "drifts" not in sentence(known)
 
 
 def test_structure_of_an_established_covariate_is_attributed_to_it(written: Written) -> None:
-    """A law of another form leaves some of its own effect; "no cause explains it" would suggest a new one."""
-    left = replace(written.diagnosis, suspected=(), unexplained=(Unexplained("width", "speed_m_s", 0.001, 0.2),))
-    plain = left.extended.without(*(m.cause for m in left.extended.mechanisms))
-    slowed = plain.plus(*(kind(torch.zeros(len(kind.quantities)), {}) for kind in (SpeedWidth, BristleLag)))
-    assert "depends on speed_m_s; no known cause" in sentence(replace(left, extended=plain))
-    text = sentence(replace(left, extended=slowed))
+    """A law of another form leaves some of its own effect; "no cause explains it" would suggest an unknown one."""
+    left = replace(with_structure(written.result, Unexplained("width", "speed_m_s", 0.001, 0.2)), suspected=())
+    model = left.base.model
+    slowed = model.plus(*(kind(torch.zeros(len(kind.quantities)), {}) for kind in (SpeedWidth, BristleLag)))
+    assert "depends on speed_m_s; no known cause" in sentence(replace(left, extended=FittedModel(model)))
+    text = sentence(replace(left, extended=FittedModel(slowed)))
     assert "depends on speed_m_s, beyond its established effect (speed_width); no other known cause" in text
 
 
 def test_non_finite_numbers_become_null(written: Written) -> None:
     odd = replace(FOUND, gain=float("nan"))
-    assert verdict(replace(written.diagnosis, established=(odd,)), 56, 42)["established"][0]["gain"] is None
+    assert verdict(replace(written.result, established=(odd,)))["established"][0]["gain"] is None
 
 
 def test_unobservable_causes_are_grouped_by_reason(written: Written) -> None:
     unseen = {"latency": "no times", "speed_width": "no times", "wet_mixing": "no paint below"}
-    text = sentence(replace(written.diagnosis, search=replace(written.diagnosis.search, not_observable=unseen)))
+    known = written.result.known
+    assert isinstance(known, StrokeProblem)
+    decided = replace(written.result.decided, known=replace(known, unobservable=unseen))
+    text = sentence(replace(written.result, decided=decided))
     assert text.count("no times") == 1 and "latency, speed_width" in text and "wet_mixing" in text
 
 
 @pytest.mark.parametrize("shifted", [0.87, None])
 def test_verdict_mentions_the_outside_table(written: Written, shifted: float | None) -> None:
-    content = verdict(written.diagnosis, 56, 42, shifted=shifted)
+    content = verdict(written.result, shifted=shifted)
     assert content["gap_closed"]["shifted"] == shifted
     assert ("outside table" in content["sentence"]) == (shifted is not None)
 
 
 def test_notes_end_the_paragraph(written: Written) -> None:
-    assert verdict(written.diagnosis, 56, 42, notes=["Row 3 is left out."])["sentence"].endswith("Row 3 is left out.")
-
-
-def test_misattributed_and_unconfirmed_causes_are_separate(written: Written) -> None:
-    wear = replace(FOUND, cause="tool_wear", misattributed=True)
-    text = sentence(replace(written.diagnosis, established=(), suspected=(FOUND, wear)))
-    assert "Suspected, but not confirmed: bristle_lag." in text
-    assert "Not better than an effect without a name, and so not established: tool_wear." in text
-    assert "Suspected" not in sentence(replace(written.diagnosis, established=(), suspected=(wear,)))
+    assert verdict(written.result, notes=["Row 3 is left out."])["sentence"].endswith("Row 3 is left out.")

@@ -13,15 +13,19 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.strokes import example_table
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.model import UnevenEnds, read_model
-from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_on, paints_of, with_joint_paints
+from pentimento.diagnosis.strokes.out_of_distribution import gap_closed_outside, paints_of, with_joint_paints
 from pentimento.diagnosis.strokes.predict import residual
+from pentimento.diagnosis.strokes.problem import stroke_problem
 from pentimento.diagnosis.strokes.write import write_diagnosis
+from pentimento.diagnosis.verdict import NEXT_ACTIONS
+from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from tests.diagnosis.strokes.conftest import Written
 
 
 def test_writes_every_file(written: Written) -> None:
     verdict = json.loads((written.folder / "verdict.json").read_text())
-    assert pq.read_table(written.folder / verdict["next_actions"]).num_rows == 16
+    assert verdict["schema"] == 2
+    assert pq.read_table(written.folder / NEXT_ACTIONS).num_rows == 16
     assert (written.folder / "report.html").stat().st_size > 100_000
     assert {file.stem for file in (written.folder / "figures").glob("*.png")} >= {
         "leave_one_out", "strokes", "residual_stroke", "residual_canvas", "modes", "dependence", "aliasing",
@@ -40,22 +44,22 @@ def test_copied_row_is_left_out_and_reported(written: Written) -> None:
 def test_extended_model_file_round_trips(written: Written) -> None:
     model, paints = read_model(written.folder / "extended_model.json")
     causes = {m.cause for m in model.mechanisms} - {UnevenEnds.cause}  # which are the base's
-    assert causes == {f.cause for f in written.diagnosis.established}
+    assert causes == {f.cause for f in written.result.established}
     model, strokes = with_joint_paints(model, paints, written.measured)
     np.testing.assert_allclose(
-        residual(model, strokes), residual(written.diagnosis.extended, written.measured), atol=1e-6
+        residual(model, strokes), residual(written.result.extended.model, written.measured), atol=1e-6
     )
 
 
 def test_unknown_paint_gets_no_offset(written: Written) -> None:
-    model, paints = written.diagnosis.extended, paints_of(written.measured)
+    model, paints = written.result.extended.model, paints_of(written.measured)
     other, strokes = with_joint_paints(model, paints + 0.5, written.measured)
     assert len(other.color_offset) == 2 * len(paints)
     np.testing.assert_array_equal(other.color_offset[strokes.paint], 0.0)
 
 
 def test_known_colour_gets_the_mean_offset_of_its_mixes(written: Written) -> None:
-    model, paints = written.diagnosis.extended, paints_of(written.measured)
+    model, paints = written.result.extended.model, paints_of(written.measured)
     darker = replace(model, color_offset=np.concatenate([model.color_offset, model.color_offset - 0.02]))
     other, strokes = with_joint_paints(darker, np.concatenate([paints, paints]), written.measured)
     np.testing.assert_allclose(
@@ -65,14 +69,14 @@ def test_known_colour_gets_the_mean_offset_of_its_mixes(written: Written) -> Non
 
 def test_outside_table_of_the_same_world_shows_the_same_gain(written: Written) -> None:
     outside = load_measured(example_table(40, seed=5))
-    closed = gap_closed_on(outside, written.diagnosis, paints_of(written.measured), 0)
-    known = written.diagnosis.gap_closed
+    closed = gap_closed_outside(outside, stroke_problem(written.measured, VOCABULARY, 0), written.result)
+    known = written.result.gap_closed
     assert closed is not None and known is not None
     assert closed == pytest.approx(known[0], abs=0.25)
 
 
 def test_writes_nothing_for_too_few_rows(tmp_path: Path) -> None:
-    with pytest.raises(ContractError, match="12"):
+    with pytest.raises(ContractError, match="15"):
         write_diagnosis(example_table(8), tmp_path / "out", 0, log=lambda line: None)
     assert not (tmp_path / "out").exists()
 

@@ -56,10 +56,11 @@ def played(
     noise_m: float = 5e-5,
     depth_error_m: float = 1e-4,
     model: AnalyticPush | None = None,
+    per_reset: int = 5,
 ) -> PushSamples:
-    """Samples of a session: each push meets the surface left by the last, and every few pushes it is smoothed."""
+    """Samples of a session: each push meets the surface left by the last; every ``per_reset`` pushes it is smoothed."""
     rng = np.random.default_rng([seed, 42])
-    given = commands(actions, repeats, seed)
+    given = commands(actions, repeats, seed, per_reset)
     n = len(given["action"])
     scans = np.zeros((2, n, PIXELS, PIXELS), dtype=np.float32)
     height = np.zeros((PIXELS, PIXELS), dtype=np.float32)
@@ -71,7 +72,7 @@ def played(
     for b in range(n):
         if given["covariates"]["pushes_since_reset"][b] == 0:
             height = 0.04 + _waves(rng)
-        one = whole.pick(np.arange(max(b - 4, 0), b + 1))
+        one = whole.pick(np.arange(max(b - per_reset + 1, 0), b + 1))
         scans[0, b] = height
         one.before[-1], one.surface_m[-1] = height, surface_at_m(height, WINDOW_M, *one.action[-1, :2])
         scene = scene_of(one, HALF_WIDTH_M).pick(np.array([-1]))

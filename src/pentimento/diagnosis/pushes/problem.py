@@ -135,6 +135,7 @@ def with_learned_residual(result: PushResult) -> MeasuredPushes:
 
 
 def _cause(mechanism: Mechanism) -> Cause:
+    typical = np.array([q.typical for q in mechanism.quantities])
     return Cause(
         name=mechanism.cause,
         quantities=tuple(Quantity(*q) for q in mechanism.quantities),
@@ -142,4 +143,5 @@ def _cause(mechanism: Mechanism) -> Cause:
         family=mechanism.driving_covariate,
         signature=mechanism.signature,
         named=type(mechanism) not in UNNAMED,
+        is_possible=lambda values: type(mechanism)(values * typical, mechanism.reference).physical,
     )

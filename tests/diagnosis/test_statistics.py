@@ -1,4 +1,4 @@
-"""Splits and tests of the engine against exact values."""
+"""Score tests, splits and signs of the engine against exact values."""
 
 import itertools
 
@@ -39,10 +39,16 @@ def test_p_does_not_depend_on_the_unit_of_a_quantity() -> None:
     assert sign_flip_p(slope * scale, 40 * np.diag(scale**2)) == pytest.approx(one, rel=1e-9)
 
 
-def test_every_split_has_whole_actions_and_repeats() -> None:
+def rows_of(action: np.ndarray) -> Rows:
+    """Rows of these actions in their order, ten to a block."""
+    turn = np.arange(len(action))
+    return Rows(action, turn // 10, turn, {})
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_every_split_has_whole_actions_and_repeats(seed: int) -> None:
     action = np.concatenate([np.arange(60), np.repeat(np.arange(60, 80), 3)])
-    rows = Rows(action, np.arange(len(action)) // 10, {})
-    parts = split(rows, 3)
+    parts = split(rows_of(action), seed)
     assert sorted(np.concatenate(parts).tolist()) == list(range(len(action)))
     of_action = [set(action[part].tolist()) for part in parts]
     assert not of_action[0] & of_action[1] and not of_action[0] & of_action[2] and not of_action[1] & of_action[2]
@@ -50,10 +56,23 @@ def test_every_split_has_whole_actions_and_repeats() -> None:
     assert [sum(a < 60 for a in own) for own in of_action] == [36, 12, 12]
 
 
+def test_single_actions_of_a_block_stay_together() -> None:
+    rows = rows_of(np.arange(100))
+    parts = split(rows, 0)
+    shared = [set(rows.block[a]) & set(rows.block[b]) for a, b in itertools.combinations(parts, 2)]
+    assert sum(map(len, shared)) <= 2  # a share may end within a block
+
+
+def test_splits_depend_on_the_seed_only() -> None:
+    rows = rows_of(np.arange(80))
+    once, again, other = split(rows, 0), split(rows, 0), split(rows, 1)
+    assert all((a == b).all() for a, b in zip(once, again, strict=True))
+    assert any(len(a) != len(b) or (a != b).any() for a, b in zip(once, other, strict=True))
+
+
 def test_too_few_actions_end_in_a_sentence() -> None:
-    few = np.arange(9)
     with pytest.raises(ContractError, match="9 different actions"):
-        split(Rows(few, few, {}), 0)
+        split(rows_of(np.arange(9)), 0)
 
 
 def test_a_cause_allows_what_its_signs_and_its_own_rule_allow() -> None:

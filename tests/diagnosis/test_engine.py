@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pentimento.diagnosis.decision import FEATURES, default_decision, features
+from pentimento.diagnosis.decision import FEATURES, features
 from pentimento.diagnosis.diagnose import Result, diagnose
 from pentimento.diagnosis.evidence import Evidence
-from pentimento.diagnosis.rule import DecisionRule
 from pentimento.diagnosis.simulator import FittedSimulator, SimulatorProblem
 from pentimento.diagnosis.splits import split
 from pentimento.diagnosis.verdict import verdict
@@ -16,7 +15,7 @@ from tests.diagnosis.spring import spring
 
 
 def _diagnosed(problem: SimulatorProblem) -> Result[FittedSimulator]:
-    return diagnose(problem, default_decision(), DecisionRule(), seed=0, log=lambda line: None)
+    return diagnose(problem, seed=0, log=lambda line: None)
 
 
 def _names(result: Result[FittedSimulator]) -> set[str]:
@@ -71,7 +70,7 @@ def test_values_come_with_their_unit_and_error() -> None:
 
 def test_the_verdict_is_complete() -> None:
     result = _diagnosed(spring(rate=0.25))
-    content = verdict(result, "N²")
+    content = verdict(result)
     assert content["established"][0]["cause"] == "rate_stiffening"
     assert set(content["established"][0]["evidence"]) == set(Evidence._fields)
     assert "rate_stiffening" in content["sentence"]
