@@ -112,7 +112,7 @@ def test_the_page_counts_what_is_exact() -> None:
     def said(*causes: str) -> dict[str, object]:
         established = [{"cause": cause, "rivals": []} for cause in causes]
         verdict = {"established": established, "gap_closed": {"test": 0.5}}
-        return {"verdict": verdict, "pixelwise": ["tool_wear"], "seconds": 3.0}
+        return {"verdict": verdict, "rivals": {"pixels": ["tool_wear"]}, "seconds": 3.0}
 
     late = World("late", "nib", 1, Effects(latency=0.1))
     text = page({late: said("latency"), replace(late, tool="chisel"): said("latency", "backlash")})

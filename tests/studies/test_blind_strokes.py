@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from studies.blind.strokes.pixelwise import select
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.strokes import CONTRACT
@@ -317,38 +316,3 @@ def test_out_of_distribution_table_is_pressed_deeper_and_repeats_actions() -> No
     assert min(press) > 0.9 * (light + deep) / 2 and max(press) < 1.1 * deep
     _, times = np.unique(made["action_id"].to_numpy(), return_counts=True)
     assert (times == 2).sum() == 12
-
-
-def sums(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    return x.T @ x, x.T @ y, float(y @ y)
-
-
-@pytest.fixture(scope="module")
-def pixels() -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(0)
-    x = rng.standard_normal((4000, 5))  # one column of the base and four of candidates
-    return x, x[:, 0] + 0.3 * x[:, 2] + rng.standard_normal(4000)
-
-
-CANDIDATES = {name: np.array([k]) for k, name in enumerate("abcd", 1)}
-
-
-def test_bic_selects_only_the_true_candidate(pixels: tuple[np.ndarray, np.ndarray]) -> None:
-    x, y = pixels
-    assert select(*sums(x, y), held=np.array([0]), columns=CANDIDATES, n=len(y)) == ("b",)
-
-
-def test_bic_selects_nothing_where_the_base_is_complete(pixels: tuple[np.ndarray, np.ndarray]) -> None:
-    x, y = pixels
-    assert select(*sums(x, y - 0.3 * x[:, 2]), held=np.array([0]), columns=CANDIDATES, n=len(y)) == ()
-
-
-def test_bic_over_pixels_selects_false_causes_for_errors_shared_by_a_stroke() -> None:
-    """This is why the action is the unit: 40 strokes of 500 pixels with a common error, and candidates by stroke."""
-    rng = np.random.default_rng(1)
-    named = 0
-    for _ in range(20):
-        by_stroke = np.repeat(rng.standard_normal((40, 5)), 500, axis=0)
-        y = np.repeat(rng.standard_normal(40), 500) + rng.standard_normal(20_000)
-        named += len(select(*sums(by_stroke, y), held=np.array([0]), columns=CANDIDATES, n=len(y)))
-    assert named > 40  # of 80, all false

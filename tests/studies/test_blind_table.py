@@ -12,6 +12,7 @@ import pytest
 from pentimento.contracts.strokes import example_table
 from studies.blind.kinds import Kind, kind_of
 from studies.blind.one_world import NoVerdict, verdict_by_table
+from studies.blind.rivals import METHODS
 from studies.blind.series import COLUMNS, STROKES, Series, seed_of, wanted
 from studies.blind.table import digest_of_code, missing, read_lines
 from studies.blind.truth import Strength, Truth, TruthChanged, read_truth, write_world
@@ -101,11 +102,11 @@ def test_truth_is_written_with_its_hash_and_a_changed_truth_is_refused(tmp_path:
 def test_verdict_needs_the_table_alone(tmp_path: Path) -> None:
     pq.write_table(example_table(56), tmp_path / "table.parquet")
     result = verdict_by_table(tmp_path / "table.parquet", module=kind_of("strokes").verdict_module)
-    assert result["verdict"]["rows"] == 56 and result["verdict"]["schema"] == 1
-    assert result["seconds"] > 0 and isinstance(result["pixelwise"], list)
+    assert result["verdict"]["rows"] == 56 and result["verdict"]["schema"] == 2
+    assert result["seconds"] > 0 and set(result["rivals"]) == set(METHODS)
 
 
 def test_failed_diagnosis_reports_its_error(tmp_path: Path) -> None:
     pq.write_table(example_table(4), tmp_path / "table.parquet")
-    with pytest.raises(NoVerdict, match="takes at least 12"):
+    with pytest.raises(NoVerdict, match="takes at least 15"):
         verdict_by_table(tmp_path / "table.parquet", module=kind_of("strokes").verdict_module)

@@ -29,7 +29,7 @@ def verdict(
     reached: bool = True,
     closed: float | None = 0.95,
 ) -> dict[str, Any]:
-    entries = [{"cause": cause, "rivals": rivals, "gain": 0.5} for cause, rivals in named]
+    entries = [{"cause": cause, "rivals": rivals, "gain": 0.5, "probability": 0.97} for cause, rivals in named]
     return {
         "established": entries, "suspected": [], "floor_reached": reached, "mse": {"base": 3e-4, "floor": 1e-4},
         "gap_closed": {"test": closed, "ci": None, "shifted": None},
@@ -44,7 +44,9 @@ def line(series: str, causes: list[str], verdict_: dict[str, Any] | None, index:
         "strengths": [{"q": 0.2}] * len(causes),
     }  # fmt: skip
     fields = {"series": series, "index": index, "seed": index, "truth": truth, "code": "c", "seconds": 2.0, **more}
-    return fields | ({"failed": "lost"} if verdict_ is None else {"verdict": verdict_, "pixelwise": ["backlash"]})
+    return fields | (
+        {"failed": "lost"} if verdict_ is None else {"verdict": verdict_, "rivals": {"pixels": ["backlash"]}}
+    )
 
 
 LAG = ("bristle_lag", list[str]())
@@ -187,7 +189,7 @@ def test_pushes_count_any_structure_by_covariate_and_their_own_geometric_causes(
         line("outside", [], verdict(left=("depth", "speed_m_s")), 1, outside=outside),
     ]
     for each in lines:
-        del each["pixelwise"]  # a baseline of strokes
+        del each["rivals"]
     counted = {row.what: row for row in rows(PUSHES, lines)}
     for what, hits, of in (
         ("one material cause, q .1 to .4: exact set", 1, 2),
