@@ -82,6 +82,7 @@ def main() -> None:
             atomic_write(WORLDS, "".join(f"{json.dumps(known[key])}\n" for key in sorted(known)).encode())
             print(f"{key[0]} {key[1]}", flush=True)
     kinds = {kind: _examples([made for made in known.values() if made["kind"] == kind]) for kind in wanted}
+    kinds = {kind: examples for kind, examples in kinds.items() if len(examples[1])}
     for kind, (rows, labels) in kinds.items():
         rest = [examples for other, examples in kinds.items() if other != kind]
         left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))

@@ -16,7 +16,7 @@ from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.problem import Cause, M, Problem, columns_of, values_of
 from pentimento.diagnosis.residual_structure import standardised
 from pentimento.diagnosis.rule import DecisionRule
-from pentimento.diagnosis.score import folds, projected_statistics
+from pentimento.diagnosis.score import folds, paired_p, projected_statistics
 from pentimento.diagnosis.search import held_out_losses, score_tests
 
 Array = NDArray[Any]
@@ -55,7 +55,7 @@ class Examined(NamedTuple):
 
     evidence: Evidence
     rivals: tuple[str, ...]
-    """Other causes that remove as much in its place."""
+    """Other causes that remove as much in its place, or not surely less."""
 
 
 def evidence_for(
@@ -85,7 +85,9 @@ def evidence_for(
         weight = np.einsum("p,npq,q->n", values, curvature, values)
         score = slope @ values + weight
         without = problem.fit([other for other in model.causes if other != name], fitted)
-        removed = problem.losses(without) - held_out_losses(problem, fitted, name, seed=seed)
+        before = problem.losses(without)
+        held_out = held_out_losses(problem, fitted, name, seed=seed)
+        removed = before - held_out
         own = max(float(removed.mean()), 1e-300)
         signature = [i for i, q in enumerate(cause.quantities) if not cause.signature or q.name in cause.signature]
         errors = np.sqrt(np.maximum(np.diag(spread)[columns], 1e-300))
@@ -99,12 +101,16 @@ def evidence_for(
             form_z=_form_z(problem, cause, score, weight),
             signature_z=float(np.max((np.abs(fitted.vector[columns]) / errors)[signature])),
             unnamed=_best_curve(problem, without, cause, seed) / own,
-            rival=max([0.0, *rivals.values()]) / own,
+            rival=max([0.0, *(float((before - losses).mean()) for losses in rivals.values())]) / own,
             beside=1.0,
             misfit=misfit,
         )
-        as_good = [other for other, gain in rivals.items() if gain >= rule.as_good_as * own]
-        found[name] = Examined(evidence, tuple(as_good))
+        as_good = tuple(
+            other
+            for other, losses in rivals.items()
+            if (before - losses).mean() >= rule.as_good_as * own or paired_p(losses - held_out, seed) >= rule.worse_p
+        )
+        found[name] = Examined(evidence, as_good)
     largest = max((e.evidence.share for e in found.values()), default=1.0)
     return {
         name: e._replace(evidence=e.evidence._replace(beside=e.evidence.share / largest)) for name, e in found.items()
@@ -154,15 +160,15 @@ def _best_curve(problem: Problem[M], without: M, cause: Cause, seed: int) -> flo
 
 def _rivals(
     problem: Problem[M], without: M, taken: tuple[str, ...], cause: Cause, *, rule: DecisionRule, seed: int
-) -> dict[str, float]:
-    """Held-out error that other causes remove in the place of one: the best of all, and the best of its family."""
+) -> dict[str, Array]:
+    """Held-out error of each action, [n], with other causes in the place of one: the best of all and of its family."""
     others = [name for name in problem.causes if name not in taken]
     tests = score_tests(problem, without, others, seed=seed)
     ranked = sorted(others, key=lambda name: -tests[name].gain)
     family = [name for name in ranked if cause.family and problem.causes[name].family == cause.family]
-    before, found = problem.losses(without), {}
+    found = {}
     for name in dict.fromkeys([*ranked[: rule.rivals], *family[: rule.rivals]]):
         refit = problem.fit((*without.causes, name), without)
         if problem.causes[name].allows(values_of(problem, refit, name)):
-            found[name] = float((before - held_out_losses(problem, refit, name, seed=seed)).mean())
+            found[name] = held_out_losses(problem, refit, name, seed=seed)
     return found

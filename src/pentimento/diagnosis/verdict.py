@@ -101,7 +101,8 @@ def sentence(result: Result[M]) -> str:
         if floor is not None and extended > floor.interval[1]:
             parts.append("Gap above the floor, cause not observable in what was recorded.")
     parts += _not_observable(result.known.unobservable)
-    rivals = [(finding.cause, rival) for finding in result.established for rival in finding.rivals]
+    findings = (*result.established, *result.suspected)
+    rivals = [(finding.cause, rival) for finding in findings for rival in finding.rivals]
     if rivals:
         pairs = ", ".join(f"{cause} from {rival}" for cause, rival in rivals)
         parts.append(f"Not told apart by this table: {pairs}.")

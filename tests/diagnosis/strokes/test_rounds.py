@@ -28,7 +28,7 @@ def played(folder: Path, rounds: int, rivals: Sequence[tuple[str, ...]], propose
     def diagnose(table: pa.Table, note: str | None) -> Any:
         diagnosed.append((table.num_rows, note))
         pq.write_table(pa.table({"order": list(range(proposed))}), folder / "next_actions.parquet")
-        return SimpleNamespace(established=[SimpleNamespace(cause="ink_depletion", rivals=rivals[len(diagnosed) - 1])])
+        return SimpleNamespace(suspected=[], established=[SimpleNamespace(cause="ink_depletion", rivals=rivals[len(diagnosed) - 1])])
 
     def make(actions: pa.Table, table: pa.Table, number: int) -> pa.Table:
         collected.append((actions.num_rows, number))
@@ -45,7 +45,7 @@ def test_rounds_end_without_rivals(tmp_path: Path) -> None:
     assert [rows for rows, _ in diagnosed] == [8, 10, 12] and collected == [(2, 1), (2, 2)]
     assert table.num_rows == 12
     assert "canvas_tilt." in lines[0] and "does not record humidity:" in lines[1]
-    assert "ink_depletion from canvas_tilt, ink_depletion from tool_wear." in lines[2] and "No established" in lines[-1]
+    assert "ink_depletion from canvas_tilt, ink_depletion from tool_wear." in lines[2] and "No named" in lines[-1]
     assert diagnosed[0][1] is None and "4 of the strokes" in str(diagnosed[2][1])
 
 

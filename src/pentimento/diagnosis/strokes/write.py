@@ -109,7 +109,7 @@ def diagnose_in_rounds(
     made: Callable[[pa.Table, pa.Table, int], pa.Table],
     log: Callable[[str], None],
 ) -> StrokeResult:
-    """Diagnose a table, and while an established cause has rivals add strokes to it, at most ``rounds`` times.
+    """Diagnose a table, and while a named cause has rivals add strokes to it, at most ``rounds`` times.
 
     ``out`` holds the last diagnosis, and ``out/strokes`` its table if that grew.
 
@@ -130,7 +130,7 @@ def diagnose_in_rounds(
     for number in range(1, rounds + 1):
         rivals = _open_questions(found)
         if not rivals:
-            log("No established cause has rivals: no more strokes are needed.")
+            log("No named cause has rivals: no more strokes are needed.")
             break
         actions = pq.read_table(out / NEXT_ACTIONS)
         if actions.num_rows == 0:
@@ -149,9 +149,10 @@ def diagnose_in_rounds(
 
 
 def _open_questions(found: StrokeResult) -> list[str]:
-    """Established causes with rivals that are not established themselves."""
+    """Established or suspected causes with rivals that are not established themselves."""
     named = {finding.cause for finding in found.established}
-    pairs = [(finding.cause, rival) for finding in found.established for rival in finding.rivals]
+    findings = (*found.established, *found.suspected)
+    pairs = [(finding.cause, rival) for finding in findings for rival in finding.rivals]
     return [f"{cause} from {rival}" for cause, rival in pairs if rival not in named]
 
 
