@@ -111,14 +111,15 @@ def fitted(rows: Array, labels: Array) -> Decision:
     signs = np.array([-1.0 if name in AGAINST else 1.0 for name in FEATURES])
     scaled, outcome = rows / spread * signs, np.where(labels, 1.0, -1.0)
 
-    def cost(parameters: Array) -> float:
-        return float(
-            np.logaddexp(0, -outcome * (parameters[0] + scaled @ parameters[1:])).sum()
-            + np.square(parameters[1:]).sum() / (2 * _PENALTY)
-        )
+    def cost(parameters: Array) -> tuple[float, Array]:
+        margin = outcome * (parameters[0] + scaled @ parameters[1:])
+        pull = -outcome / (1 + np.exp(margin))
+        slope = np.concatenate([[pull.sum()], scaled.T @ pull + parameters[1:] / _PENALTY])
+        return float(np.logaddexp(0, -margin).sum() + np.square(parameters[1:]).sum() / (2 * _PENALTY)), slope
 
     bounds = [(None, None), *[(0.0, None)] * len(FEATURES)]
-    found = minimize(cost, np.zeros(1 + len(FEATURES)), bounds=bounds, method="L-BFGS-B").x
+    start, options = np.zeros(1 + len(FEATURES)), {"ftol": 1e-14, "gtol": 1e-8, "maxiter": 1000}
+    found = minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B", options=options).x
     return Decision(float(found[0]), found[1:] * signs / spread)
 
 
