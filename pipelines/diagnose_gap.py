@@ -51,7 +51,7 @@ class DiagnoseGap:
     seed: int
     """Of splits, bootstraps and the studio."""
     rounds: int
-    """While an established or suspected cause has rivals, the robot makes the proposed strokes; at most so many times."""
+    """While a named cause has rivals, the robot makes the proposed strokes; at most so many times."""
     worlds: dict[str, str]
     """By tool, the studio's world of that robot; other tools get no further strokes."""
     joint_fit: TrainingConfig

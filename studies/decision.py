@@ -48,6 +48,9 @@ from studies.blind.series import Stratum
 
 Array = NDArray[Any]
 
+_SETS = {"others": ("strokes", "other_strokes", "arm"), "pushes": ("pushes", "other_pushes")}
+"""Weights by kind of action, and the worlds that they are fitted to. One set for all has a leave-one-world-out Brier
+score of .035 on the others and .068 on pushes, sets of their own .034 and .054."""
 _FIRST_SEED = 77_000_000
 _STRATA: tuple[Stratum, ...] = ("one", "none", "two", "one", "outside", "one")
 """Of the worlds of strokes and pushes, in turn."""
@@ -81,24 +84,26 @@ def main() -> None:
             known[key] = {"kind": key[0], "index": key[1]} | (world(*key) or {"truth": None, "evidence": {}})
             atomic_write(WORLDS, "".join(f"{json.dumps(known[key])}\n" for key in sorted(known)).encode())
             print(f"{key[0]} {key[1]}", flush=True)
-    kinds = {kind: _examples([made for made in known.values() if made["kind"] == kind]) for kind in wanted}
-    kinds = {kind: examples for kind, examples in kinds.items() if len(examples[1])}
-    for kind, (rows, labels) in kinds.items():
-        rest = [examples for other, examples in kinds.items() if other != kind]
-        left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))
-        brier = brier_score_loss(labels, probabilities(left_out, rows))
-        print(f"{kind}, left out of the fit: Brier score {brier:.3f} of {len(labels)}")
-    rows, labels = (np.concatenate(parts) for parts in zip(*kinds.values(), strict=True))
-    model = fitted(rows, labels)
-    content = {
-        "intercept": model.intercept,
-        "weights": {name: float(weight) for name, weight in zip(FEATURES, model.weights, strict=True)},
-        "examples": len(labels),
-        "true": int(labels.sum()),
-        "sha256": hashlib.sha256(rows.tobytes() + labels.tobytes()).hexdigest(),
-    }
-    atomic_write(WEIGHTS, (json.dumps(content, indent=1) + "\n").encode())
-    print(f"{WEIGHTS}: {len(labels)} examples, {int(labels.sum())} of them true")
+    sets = {}
+    for name, kinds in _SETS.items():
+        groups = {kind: _examples([made for made in known.values() if made["kind"] == kind]) for kind in kinds}
+        groups = {kind: examples for kind, examples in groups.items() if len(examples[1])}
+        for kind, (rows, labels) in groups.items():
+            rest = [examples for other, examples in groups.items() if other != kind]
+            left_out = fitted(np.concatenate([r for r, _ in rest]), np.concatenate([y for _, y in rest]))
+            brier = brier_score_loss(labels, probabilities(left_out, rows))
+            print(f"{kind}, left out of the fit: Brier score {brier:.3f} of {len(labels)}")
+        rows, labels = (np.concatenate(parts) for parts in zip(*groups.values(), strict=True))
+        model = fitted(rows, labels)
+        sets[name] = {
+            "intercept": model.intercept,
+            "weights": {name: float(weight) for name, weight in zip(FEATURES, model.weights, strict=True)},
+            "examples": len(labels),
+            "true": int(labels.sum()),
+            "sha256": hashlib.sha256(rows.tobytes() + labels.tobytes()).hexdigest(),
+        }
+    atomic_write(WEIGHTS, (json.dumps(sets, indent=1) + "\n").encode())
+    print(f"{WEIGHTS}: " + ", ".join(f"{name} {one['examples']} ({one['true']} true)" for name, one in sets.items()))
 
 
 def fitted(rows: Array, labels: Array) -> Decision:

@@ -14,9 +14,7 @@ from scipy.optimize import least_squares
 
 from examples.diagnose_your_simulator.arm import CAUSES, problem_of
 from examples.diagnose_your_simulator.robot import drawn_fault, make_log
-from pentimento.diagnosis.decision import default_decision
 from pentimento.diagnosis.diagnose import diagnose
-from pentimento.diagnosis.rule import DecisionRule
 from pentimento.diagnosis.simulator import FittedSimulator, SimulatorProblem
 
 _ABOVE = 0.1
@@ -39,7 +37,7 @@ def worlds(first: int, end: int) -> Iterator[tuple[bool, int, int, bool]]:
         fault, strength = drawn_fault(seed)
         problem = problem_of(make_log(fault, seed, strength), 0)
         truth = set() if fault == "nothing" else {fault}
-        found = diagnose(problem, default_decision(), DecisionRule(), seed=0, log=lambda line: None)
+        found = diagnose(problem, seed=0, log=lambda line: None)
         names = {finding.cause for finding in found.established}
         fitted = named_by_least_squares(problem)
         suspected = [finding.cause for finding in found.suspected]

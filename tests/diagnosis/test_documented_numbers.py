@@ -21,7 +21,7 @@ def table(head: str) -> list[list[str]]:
 
 
 def test_weights_are_those_of_the_decision() -> None:
-    decision = default_decision()
+    decision = default_decision("strokes")
     written = {row[0].strip("`"): float(row[-1]) for row in table("evidence | formula")}
     names = [name.removeprefix("log_") for name in FEATURES]
     assert written == pytest.approx(dict(zip(names, decision.weights, strict=True)), abs=5.1e-4)
@@ -49,4 +49,6 @@ def test_worked_example_adds_up_to_its_probability() -> None:
     products = [float(row[-2]) for row in terms]
     logit = float(total[-2])
     assert sum(products) == pytest.approx(logit, abs=0.005)
-    assert default_decision().probability(Evidence(**values)) == pytest.approx(1 / (1 + np.exp(-logit)), abs=1e-4)
+    assert default_decision("strokes").probability(Evidence(**values)) == pytest.approx(
+        1 / (1 + np.exp(-logit)), abs=1e-4
+    )

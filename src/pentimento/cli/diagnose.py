@@ -195,8 +195,8 @@ COMMAND = Command(
             type=int,
             default=0,
             metavar="ROUNDS",
-            help="maximum number of rounds in which the studio's robot makes strokes that distinguish a named cause from "
-            "its rivals, before the diagnosis is repeated",
+            help="maximum number of rounds in which the studio's robot makes strokes that distinguish a named cause "
+            "from its rivals, before the diagnosis is repeated",
         ),
         option("--world", help="the studio's world for --collect: a name or a TOML file; by default the tool's name"),
         option("--seed", type=seed, default=0, help="of splits, bootstraps and the studio"),

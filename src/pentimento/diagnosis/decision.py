@@ -1,7 +1,7 @@
-"""The probability that a cause is at work, from its evidence: a logistic regression, the same for all kinds of actions.
+"""The probability that a cause is at work, from its evidence: a logistic regression.
 
-``decision.json`` holds its weights. ``python -m studies.decision`` fits them on simulated worlds that serve no other
-purpose.
+``decision.json`` holds its weights: one set for pushes, whose base model is further from most materials, and one for
+strokes and all other actions. ``python -m studies.decision`` fits them on simulated worlds that serve no other purpose.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ class Decision:
         return float(1 / (1 + np.exp(-(self.intercept + self.weights @ features(evidence)))))
 
 
-def default_decision() -> Decision:
-    """The decision that ships with the package."""
-    stored = json.loads((resources.files("pentimento.diagnosis") / "decision.json").read_text())
+def default_decision(kind: str) -> Decision:
+    """The decision that ships with the package, for a kind of actions (``Problem.kind``)."""
+    sets = json.loads((resources.files("pentimento.diagnosis") / "decision.json").read_text())
+    stored = sets.get(kind, sets["others"])
     return Decision(stored["intercept"], np.array([stored["weights"][name] for name in FEATURES]))

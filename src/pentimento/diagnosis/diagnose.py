@@ -131,7 +131,7 @@ def diagnose(
     rows = np.sort(np.concatenate(splits[:2]))
     known = problem.pick(rows).prepared()
     confirmation = np.isin(np.unique(known.rows.action), problem.rows.action[splits.confirmation])
-    decided = decide(known, confirmation, decision or default_decision(), rule, seed=seed, log=log)
+    decided = decide(known, confirmation, decision or default_decision(problem.kind), rule, seed=seed, log=log)
     return report(decided, problem, splits, rule, seed=seed)
 
 

@@ -28,7 +28,8 @@ def played(folder: Path, rounds: int, rivals: Sequence[tuple[str, ...]], propose
     def diagnose(table: pa.Table, note: str | None) -> Any:
         diagnosed.append((table.num_rows, note))
         pq.write_table(pa.table({"order": list(range(proposed))}), folder / "next_actions.parquet")
-        return SimpleNamespace(suspected=[], established=[SimpleNamespace(cause="ink_depletion", rivals=rivals[len(diagnosed) - 1])])
+        finding = SimpleNamespace(cause="ink_depletion", rivals=rivals[len(diagnosed) - 1])
+        return SimpleNamespace(established=[finding], suspected=[])
 
     def make(actions: pa.Table, table: pa.Table, number: int) -> pa.Table:
         collected.append((actions.num_rows, number))
