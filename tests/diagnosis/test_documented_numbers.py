@@ -21,12 +21,14 @@ def table(head: str) -> list[list[str]]:
 
 
 def test_weights_are_those_of_the_decision() -> None:
-    decision = default_decision("strokes")
-    written = {row[0].strip("`"): float(row[-1]) for row in table("evidence | formula")}
-    names = [name.removeprefix("log_") for name in FEATURES]
-    assert written == pytest.approx(dict(zip(names, decision.weights, strict=True)), abs=5.1e-4)
-    (intercept,) = re.findall(r"intercept is\s+([\d.-]+\d)", PAGE)
-    assert float(intercept) == pytest.approx(decision.intercept, abs=5.1e-4)
+    intercepts = re.search(r"intercept is\s+([\d.-]+\d), of pushes\s+([\d.-]+\d)", PAGE)
+    assert intercepts is not None
+    for column, (kind, intercept) in enumerate(zip(("strokes", "pushes"), intercepts.groups(), strict=True), -2):
+        decision = default_decision(kind)
+        written = {row[0].strip("`"): float(row[column]) for row in table("evidence | formula")}
+        names = [name.removeprefix("log_") for name in FEATURES]
+        assert written == pytest.approx(dict(zip(names, decision.weights, strict=True)), abs=5.1e-4)
+        assert float(intercept) == pytest.approx(decision.intercept, abs=5.1e-4)
 
 
 def test_limits_are_those_of_the_rule() -> None:
