@@ -8,7 +8,7 @@ import pytest
 from pentimento.diagnosis.boosting import cause_projection
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.score import projected_statistics
-from pentimento.diagnosis.strokes.fit import fit, huber_weighted, stiffened, with_prior
+from pentimento.diagnosis.strokes.fit import fit, huber_weighted, stiffened
 from pentimento.diagnosis.strokes.jacobian import linearise
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model, UnevenEnds, identity
@@ -31,6 +31,13 @@ def asked(statistics: Statistics, model: Model) -> float:
     rest = np.setdiff1d(np.arange(len(model.vector)), columns)
     values = model.vector[columns]
     return float(values @ projected_statistics(statistics, rest, columns)[1].mean(0) @ values)
+
+
+def with_prior(statistics: Statistics, model: Model) -> Statistics:
+    """Statistics of the penalised loss that a fit minimises."""
+    stiff = stiffened(statistics, model, 1.0)
+    hold = (stiff.curvature - statistics.curvature)[0]
+    return stiff._replace(slope=statistics.slope - hold @ model.vector)
 
 
 def test_prior_limits_what_the_base_absorbs_of_a_cause(softened: tuple[Measured, Model]) -> None:

@@ -147,21 +147,6 @@ def test_new_strokes_get_the_same_predictions(
     )
 
 
-def test_refit_to_all_strokes_predicts_test_strokes_better(
-    strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
-) -> None:
-    plain, clean, causes = strokes
-    measured, model = streaked
-    learned_residual, learnt = learn_residual(measured, model, KNOWN[: len(KNOWN) // 2], candidates=causes, seed=0)
-    more, known = learned_residual.learnt_from_all(learnt, KNOWN)
-    np.testing.assert_array_equal(known.residual_prediction[KNOWN], learnt.residual_prediction[KNOWN])
-    np.testing.assert_allclose(
-        more.of(measured.pick(FRESH)).residual_prediction, known.residual_prediction[FRESH], atol=1e-5
-    )
-    noise = error(clean, plain, FRESH)
-    assert error(model, known, FRESH) - noise < 0.9 * (error(model, learnt, FRESH) - noise)
-
-
 def test_unknown_paint_changes_no_prediction(
     strokes: tuple[Measured, Model, list[Mechanism]], streaked: tuple[Measured, Model]
 ) -> None:

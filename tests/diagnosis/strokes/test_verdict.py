@@ -51,7 +51,7 @@ def test_finding_has_evidence_quantities_and_rivals(written: Written) -> None:
 def test_suspected_causes_are_separate(written: Written) -> None:
     text = sentence(replace(written.result, established=(), suspected=(replace(FOUND, probability=0.6),)))
     assert "No known cause is established. Suspected: bristle_lag (probability 0.6;" in text
-    assert "Not told apart" not in text
+    assert "Not told apart by this table: bristle_lag from latency." in text
 
 
 def test_floor_and_gap_are_unknown_without_repeats(written: Written) -> None:
