@@ -164,6 +164,7 @@ def raster(*_: object) -> list[Command]:
     return commands
 
 
+@pytest.mark.timeout(600)
 def test_collected_strokes_distinguish_rivals_of_a_raster(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
