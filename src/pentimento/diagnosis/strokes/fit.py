@@ -31,7 +31,7 @@ _PRIOR_SCALE = dict.fromkeys(SLABS[1:], 0.3) | {
 _PRIOR_BEND = 0.1
 """Prior scale of the half-width curve's second difference, in half-widths."""
 _PRIOR_COLOR = 0.03  # linear light
-_ENOUGH = 5e-4
+_ENOUGH = 1e-4
 """Relative decrease of the error below which a fit ends."""
 _FIRST_DAMPING = 1e-3  # of a number's own curvature
 _LONGEST = dict.fromkeys(SLABS, 0.3) | {"log_edge_px": 0.3, "ends_widening": 0.3, "mixing": 0.3}
