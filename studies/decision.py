@@ -80,7 +80,7 @@ def main() -> None:
         "other_pushes": given.other_pushes, "arm": given.arms,
     }  # fmt: skip
     known = {(made["kind"], made["index"]): made for made in map(json.loads, WORLDS.read_text().splitlines())}
-    for key in ((kind, index) for kind, count in wanted.items() for index in range(count)):
+    for key in sorted(((kind, index) for kind, count in wanted.items() for index in range(count)), key=lambda k: k[1]):
         if key not in known:
             known[key] = {"kind": key[0], "index": key[1]} | (world(*key) or {"truth": None, "evidence": {}})
             atomic_write(WORLDS, "".join(f"{json.dumps(known[key])}\n" for key in sorted(known)).encode())

