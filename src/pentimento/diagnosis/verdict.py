@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import io
+import json
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pentimento.contracts.atomic import atomic_write
 from pentimento.diagnosis.diagnose import Finding, Result
 from pentimento.diagnosis.problem import Cause, M, Quantity
 
 SCHEMA = 2
+VERDICT = "verdict.json"
 NEXT_ACTIONS = "next_actions.parquet"
 """File with the proposed actions."""
 _ZERO = 1e-6
@@ -60,6 +68,29 @@ def verdict(
         }  # fmt: skip
     known: dict[str, Any] = _without_nan(content)
     return known
+
+
+def write_result(
+    out: Path, *, page: Mapping[str, bytes], actions: pa.Table, model: Mapping[str, Any], content: Mapping[str, Any]
+) -> None:
+    """Write a diagnosis into the folder ``out``: each file is complete or absent, and the verdict is the last.
+
+    Args:
+        out: created if it is missing; other files in it stay.
+        page: ``report.html`` and figures, by path.
+        actions: the proposed actions.
+        model: the extended model, as JSON.
+        content: of ``verdict.json``.
+    """
+    parquet = io.BytesIO()
+    pq.write_table(actions, parquet, compression="zstd")
+    files = {**page, NEXT_ACTIONS: parquet.getvalue(), "extended_model.json": _json(model), VERDICT: _json(content)}
+    for name, data in files.items():
+        atomic_write(out / name, data)
+
+
+def _json(content: Mapping[str, Any]) -> bytes:
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
 
 
 def _entry(finding: Finding) -> dict[str, Any]:
