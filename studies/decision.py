@@ -69,11 +69,11 @@ WORLDS = Path("studies/decision_worlds.jsonl")
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.decision", description=__doc__)
-    parser.add_argument("--strokes", type=int, default=35, help="number of worlds of strokes")
-    parser.add_argument("--pushes", type=int, default=27, help="number of worlds of pushes")
-    parser.add_argument("--other-strokes", type=int, default=25, help="number of worlds of studies.another_simulator")
-    parser.add_argument("--other-pushes", type=int, default=23, help="number of worlds of studies.another_clay")
-    parser.add_argument("--arms", type=int, default=10, help="number of worlds of the arm")
+    parser.add_argument("--strokes", type=int, default=48, help="number of worlds of strokes")
+    parser.add_argument("--pushes", type=int, default=20, help="number of worlds of pushes")
+    parser.add_argument("--other-strokes", type=int, default=48, help="number of worlds of studies.another_simulator")
+    parser.add_argument("--other-pushes", type=int, default=19, help="number of worlds of studies.another_clay")
+    parser.add_argument("--arms", type=int, default=19, help="number of worlds of the arm")
     given = parser.parse_args()
     wanted = {
         "strokes": given.strokes, "pushes": given.pushes, "other_strokes": given.other_strokes,
