@@ -56,8 +56,8 @@ _FIRST_SEED = 77_000_000
 _STRATA: tuple[Stratum, ...] = ("one", "none", "two", "one", "outside", "one")
 """Of the worlds of strokes and pushes, in turn."""
 _PENALTY = 10.0
-"""Inverse of the L2 penalty. With each world left out in turn, the Brier score of strokes and arms is .0275 for 3, .0266
-for 10 and .0258 for 30, with 1, 1 and 2 false causes above .95."""
+"""Inverse of the L2 penalty. With each world left out in turn, the Brier score of strokes and arms is .0275 for 3,
+.0266 for 10 and .0258 for 30, with 1, 1 and 2 false causes above .95."""
 _LIBERAL = DecisionRule(entry_p=0.3, small_share=0.003)
 _FAINT = {3: 0.05, 5: 0.1}
 """Wanted q of some of them."""

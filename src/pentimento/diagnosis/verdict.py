@@ -170,6 +170,8 @@ def _named(finding: Finding, cause: Cause, gap: str) -> str:
 def _size(quantity: Quantity, value: float, error: float) -> str:
     """A quantity with its standard error, lengths in mm: ``x −0.101 ± 0.01 mm``."""
     name, factor, unit = quantity.name, 1.0, quantity.unit
+    if unit == "s":
+        name = name.removesuffix("_s")
     if unit == "m" or unit.startswith(("m ", "m/")):
         name, factor, unit = name.removesuffix("_m"), 1e3, f"m{unit}"
     if max(abs(value), error) < _ZERO * quantity.typical:
