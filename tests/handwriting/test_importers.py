@@ -73,8 +73,18 @@ def test_read_optitrack_rejects_missing_unit_or_body(
 MARKERS = C3D(("origin", "right", "far"), raised_m=7e-3, pen=("cap", "grip"), tip_m=0.08, contact_m=2e-3)
 
 
-def markers(path: Path, place: np.ndarray, height: np.ndarray, unit: str, lost: tuple[int, ...] = ()) -> None:
-    """The same canvas and pen as single markers, whose middles lie 7 mm over the sheet."""
+def markers(
+    path: Path,
+    place: np.ndarray,
+    height: np.ndarray,
+    unit: str,
+    lost: tuple[int, ...] = (),
+    stand_in: tuple[int, float] = (-1, 0.0),
+) -> None:
+    """The same canvas and pen as single markers, whose middles lie 7 mm over the sheet.
+
+    In the frame ``stand_in[0]``, the cap has the other number for all coordinates.
+    """
     to_unit = {"mm": 1e3, "m": 1.0}.get(unit, 1.0)
     turned = matrix(rotation(np.array([0.3, 1.0, 0.2]), 0.8))  # columns: x, y and up of the canvas
     at = np.array([0.4, 0.9, -0.2])
@@ -87,6 +97,7 @@ def markers(path: Path, place: np.ndarray, height: np.ndarray, unit: str, lost: 
     frames = []
     for k, tip in enumerate(tips):
         seen = np.array([canvas[1], canvas[0], canvas[2], tip - 0.08 * axis, tip - 0.14 * axis]) * to_unit
+        seen[4] = stand_in[1] if k == stand_in[0] else seen[4]
         residual = np.array([0, 0, 0, 0, -1 if k in lost else 0])
         frames.append((np.column_stack([seen, residual, np.zeros(5)]), np.zeros((0, 0))))
     writer.add_frames(frames)
