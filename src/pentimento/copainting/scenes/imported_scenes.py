@@ -8,9 +8,7 @@ are left out and counted by reason.
 
 from __future__ import annotations
 
-import io
 import json
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,10 +19,9 @@ import cv2
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from PIL import Image, ImageOps, UnidentifiedImageError
 
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.contracts.images import image_cell
+from pentimento.contracts.images import UnusablePicture, decode_image, image_cell
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
@@ -103,37 +100,6 @@ def import_scenes(config: ImportedConfig, regions: Callable[[NDArray[np.uint8]],
     return Imported(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), dict(sorted(bad.items())))
 
 
-def load_picture(data: bytes) -> NDArray[np.uint8]:
-    """The sRGB pixels [H, W, 3] of an image file, with its EXIF orientation applied.
-
-    Raises:
-        _Unusable: it is corrupt, too large, transparent, or in a colour mode without a unique conversion to sRGB.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            with Image.open(io.BytesIO(data)) as opened:
-                if opened.width * opened.height > MAX_PIXELS:
-                    raise _Unusable(f"more than {MAX_PIXELS} pixels")
-                _require_plain(opened)
-                opened.load()
-                return np.array(ImageOps.exif_transpose(opened).convert("RGB"), dtype=np.uint8)
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
-        raise _Unusable(f"more than {MAX_PIXELS} pixels") from None
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Warning):
-        raise _Unusable("not a readable picture") from None
-
-
-def _require_plain(opened: Image.Image) -> None:
-    """Reject pictures whose conversion to sRGB is ambiguous: transparent ones and those in CMYK."""
-    if opened.mode not in ("RGB", "L", "P", "1", "RGBA", "LA", "PA"):
-        raise _Unusable(f"colour mode {opened.mode}")
-    if "transparency" in opened.info and opened.mode not in ("RGBA", "LA", "PA"):
-        opened = opened.convert("RGBA")
-    if opened.mode in ("RGBA", "LA", "PA") and np.asarray(opened.convert("RGBA"))[..., 3].min() < 255:
-        raise _Unusable("transparent")
-
-
 def _row(
     number: int, item: _Item, config: ImportedConfig, regions: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 ) -> dict[str, Any]:
@@ -143,7 +109,11 @@ def _row(
         raise _Unusable("empty caption")
     if item.data is None:
         raise _Unusable("missing picture")
-    image = _square(load_picture(item.data), config.side_px)
+    try:
+        picture = decode_image(item.data, item.name, max_pixels=MAX_PIXELS, paper=None)
+    except UnusablePicture as error:
+        raise _Unusable(error.reason) from error
+    image = _square(picture, config.side_px)
     chance = np.random.default_rng([config.seed, 1, number]).random()
     return {
         "image": image_cell(image),
