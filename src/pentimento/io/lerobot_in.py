@@ -131,7 +131,7 @@ def _episode_rows(dataset: Dataset, description: Description, refused: Reasons) 
             else:
                 leave_out(refused, stroke.fault, [episode.number])
         sound = [episode for episode in episodes if episode.place in strokes]
-        for episode, pair in first_and_last_pictures(dataset, camera, file, sound, refused):
+        for episode, pair in first_and_last_pictures(dataset, camera, file, sound, refused, columns["timestamp"]):
             number = episode.number
             given = {"session": session, "order": number, "action_id": number, "tool": description.tool}
             try:
