@@ -208,3 +208,22 @@ def test_command_prints_counts_and_reasons(tmp_path: Path, capsys: pytest.Captur
     assert "2 strokes are in" in said and "Refused: 1 × there is no photograph after it (s1)." in said
     assert main(["import", str(tmp_path / "nowhere.csv"), *given]) == 1
     assert "nowhere.csv" in capsys.readouterr().err
+
+
+def test_command_deletes_nothing_that_it_did_not_write(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = record(tmp_path, 2)
+    given = ["import", str(paths), "--photos", str(tmp_path / "photos"), "--window", WINDOW, "--tool", "quill", "--out"]
+    assert main([*given, str(tmp_path / "out")]) == 0 and main([*given, str(tmp_path / "out")]) == 0
+    before = sorted((tmp_path / "photos").iterdir())
+    for out, says in (("photos", "did not write"), (".", "did not write"), ("paths.csv", "is a file")):
+        capsys.readouterr()
+        assert main([*given, str(tmp_path / out)]) == 1
+        assert says in capsys.readouterr().err
+    assert sorted((tmp_path / "photos").iterdir()) == before and paths.is_file()
+    capsys.readouterr()
+    assert main(["export", str(tmp_path / "out"), "--lerobot", str(tmp_path / "out")]) == 1
+    assert "`pentimento export` did not write" in capsys.readouterr().err
+    readme = tmp_path / "out/README.md"
+    readme.write_text(f"---\nlicense: CC-BY-4.0\n---\n{readme.read_text()}")
+    assert main([*given, str(tmp_path / "out")]) == 1
+    assert "README.md, which was changed since" in capsys.readouterr().err

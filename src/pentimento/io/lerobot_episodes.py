@@ -102,9 +102,7 @@ def video_pairs(file: Path, shape: list[int], fps: float, spans: list[Span]) -> 
             if first is None or last is None:
                 yield Refused("its video has no picture at its first or last frame")
             elif film.number - start + 1 != span.frames or start != round(span.first_s * fps):
-                yield Refused(
-                    "its video shows another number of pictures than it has frames, so that fps is not that of the video"
-                )
+                yield Refused("its video shows another number of pictures than it has frames: fps is not the video's")
             elif start <= before:
                 yield Refused("its first picture in the video is one of another episode")
             else:

@@ -25,12 +25,14 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.contracts.atomic import check_replaceable
 from pentimento.contracts.errors import ContractError, ImageError, UnitError
 from pentimento.contracts.images import NOT_READABLE, UnusablePicture, read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.contracts.units import parse_quantity
 from pentimento.io.stroke_rows import (
+    COMMAND,
     Imported,
     Placement,
     RecordedPath,
@@ -206,7 +208,9 @@ def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: st
 
     Raises:
         ContractError: the file of paths cannot be read, or no stroke of it can be used; nothing is written.
+        ConfigError: ``out`` holds what this command did not write.
     """
+    check_replaceable(out, COMMAND)
     strokes, photographs = read_paths(paths), _by_stem(photos)
     rows: list[dict[str, Any]] = []
     refused: dict[str, list[str]] = {}
@@ -228,7 +232,7 @@ def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: st
     if not rows:
         raise ContractError(f"None of the {len(strokes)} strokes of {paths} can be used: {counted(refused)}.")
     table = table_of(rows, list(each_about(strokes)))
-    write_table(out, table, CONTRACT, card(paths.name, tool, len(rows), refused))
+    write_table(out, table, CONTRACT, card(paths.name, tool, len(rows), refused), command=COMMAND)
     return Imported(len(rows), refused)
 
 
