@@ -20,9 +20,10 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
+from pentimento.contracts.picture_files import MAX_PIXELS
 from pentimento.contracts.schema import IMAGE
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.io.stroke_rows import MAX_PIXELS, Refused
+from pentimento.io.stroke_rows import Refused
 
 VERSION: Final = "v3.0"
 INFO: Final = "meta/info.json"

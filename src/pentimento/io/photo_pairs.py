@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError, PentimentoError, UnitError
 from pentimento.contracts.images import read_image
+from pentimento.contracts.picture_files import PictureError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.contracts.units import parse_quantity
 from pentimento.io.stroke_rows import (
-    MAX_PIXELS,
     Imported,
     Placement,
     RecordedPath,
@@ -240,9 +240,8 @@ def _photo(folder: Path, stem: str) -> NDArray[np.uint8]:
     if found is None:
         raise Refused(f"there is no photograph {'before' if stem.endswith('_before') else 'after'} it")
     try:
-        image = read_image(found)
+        return read_image(found)
+    except PictureError as error:
+        raise Refused(f"a photograph is unreadable ({error.reason})") from error
     except PentimentoError as error:
         raise Refused("a photograph is unreadable") from error
-    if image.shape[0] * image.shape[1] > MAX_PIXELS:
-        raise Refused("a photograph is larger than 128 megapixels")
-    return image

@@ -8,9 +8,7 @@ are left out and counted by reason.
 
 from __future__ import annotations
 
-import io
 import json
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,16 +19,14 @@ import cv2
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from PIL import Image, ImageOps, UnidentifiedImageError
 
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import image_cell
+from pentimento.contracts.picture_files import PictureError, decode_picture
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
 
-MAX_PIXELS: Final = 64_000_000
-"""A picture of more is treated as a decompression bomb and never decoded."""
 MAX_CHARACTERS: Final = 2_000
 """Of a caption. The rest is cut off, because text encoders read the first few dozen tokens only."""
 
@@ -104,34 +100,15 @@ def import_scenes(config: ImportedConfig, regions: Callable[[NDArray[np.uint8]],
 
 
 def load_picture(data: bytes) -> NDArray[np.uint8]:
-    """The sRGB pixels [H, W, 3] of an image file, with its EXIF orientation applied.
+    """The sRGB pixels [H, W, 3] of an opaque image file, see `decode_picture`.
 
     Raises:
-        _Unusable: it is corrupt, too large, transparent, or in a colour mode without a unique conversion to sRGB.
+        _Unusable: it is corrupt, too large, transparent, or in colours without a unique conversion to sRGB.
     """
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            with Image.open(io.BytesIO(data)) as opened:
-                if opened.width * opened.height > MAX_PIXELS:
-                    raise _Unusable(f"more than {MAX_PIXELS} pixels")
-                _require_plain(opened)
-                opened.load()
-                return np.array(ImageOps.exif_transpose(opened).convert("RGB"), dtype=np.uint8)
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
-        raise _Unusable(f"more than {MAX_PIXELS} pixels") from None
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Warning):
-        raise _Unusable("not a readable picture") from None
-
-
-def _require_plain(opened: Image.Image) -> None:
-    """Reject pictures whose conversion to sRGB is ambiguous: transparent ones and those in CMYK."""
-    if opened.mode not in ("RGB", "L", "P", "1", "RGBA", "LA", "PA"):
-        raise _Unusable(f"colour mode {opened.mode}")
-    if "transparency" in opened.info and opened.mode not in ("RGBA", "LA", "PA"):
-        opened = opened.convert("RGBA")
-    if opened.mode in ("RGBA", "LA", "PA") and np.asarray(opened.convert("RGBA"))[..., 3].min() < 255:
-        raise _Unusable("transparent")
+        return decode_picture(data, "The picture", plain=True)
+    except PictureError as error:
+        raise _Unusable(error.reason) from error
 
 
 def _row(
