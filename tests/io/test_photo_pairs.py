@@ -85,7 +85,7 @@ def test_photographs_are_read_as_they_look(tmp_path: Path) -> None:
         picture.convert("CMYK").save(tmp_path / "photos/s0_after.tif")
     (tmp_path / "photos/s0_after.png").unlink()
     imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "inks")
-    assert imported.refused == {"a photograph cannot be used: colour mode CMYK": ["s0"]}
+    assert imported.refused == {"a photograph is unreadable (colour mode CMYK)": ["s0"]}
 
 
 def test_y_down_and_scale_give_equal_rows(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pentimento.contracts.images import NOT_READABLE, UnusablePicture, decode_image
+from pentimento.contracts.images import decode_image
+from pentimento.contracts.picture_files import PictureError
 from pentimento.io.lerobot_folder import Dataset, read_numbers, rows_by_episode
 from pentimento.io.stroke_rows import Refused
 
@@ -55,9 +56,8 @@ def _decoded(pair: list[Any], shape: list[int]) -> Pair | Refused:
         return Refused("a picture is not embedded in its file")
     try:
         before, after = (decode_image(picture["bytes"], "A picture") for picture in pair)
-    except UnusablePicture as error:
-        unreadable = error.reason == NOT_READABLE
-        return Refused("a picture is unreadable" if unreadable else f"a picture cannot be used: {error.reason}")
+    except PictureError as error:
+        return Refused(f"a picture is unreadable ({error.reason})")
     if not (_agrees(before.shape, shape) and _agrees(after.shape, shape)):
         return Refused("a picture has another shape than its feature")
     return before, after

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.images import MAX_PIXELS
+from pentimento.contracts.picture_files import MAX_PIXELS
 from pentimento.contracts.schema import IMAGE
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.io.stroke_rows import Refused

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.atomic import check_replaceable
 from pentimento.contracts.errors import ContractError, ImageError, UnitError
-from pentimento.contracts.images import NOT_READABLE, UnusablePicture, read_image
+from pentimento.contracts.images import read_image
+from pentimento.contracts.picture_files import PictureError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.contracts.units import parse_quantity
@@ -261,8 +262,7 @@ def _photo(photographs: dict[str, list[Path]], stem: str) -> NDArray[np.uint8]:
         raise Refused(f"there are several photographs {when} it")
     try:
         return read_image(found[0])
-    except UnusablePicture as error:
-        what = "is unreadable" if error.reason == NOT_READABLE else f"cannot be used: {error.reason}"
-        raise Refused(f"a photograph {what}") from error
+    except PictureError as error:
+        raise Refused(f"a photograph is unreadable ({error.reason})") from error
     except ImageError as error:
         raise Refused("a photograph is unreadable") from error

@@ -10,11 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
+from pentimento.contracts import picture_files
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png
 from pentimento.contracts.scenes import CONTRACT
 from pentimento.contracts.schema import row_faults
-from pentimento.copainting.scenes import imported_scenes
 from pentimento.copainting.scenes.imported_scenes import ImportedConfig, import_scenes
 
 
@@ -41,7 +41,7 @@ def parquet(path: Path, rows: list[tuple[bytes | None, object]], text: str = "ca
 
 
 def test_import_counts_unusable_items_by_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(imported_scenes, "MAX_PIXELS", 10_000)
+    monkeypatch.setattr(picture_files, "MAX_PIXELS", 10_000)
     half_clear = picture("RGBA", color=(10, 20, 30, 90))
     rows = [
         (picture(), "a red square"),

@@ -21,13 +21,12 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, ContractError
-from pentimento.contracts.images import UnusablePicture, decode_image, image_cell
+from pentimento.contracts.images import image_cell
+from pentimento.contracts.picture_files import PictureError, decode_picture
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
 
-MAX_PIXELS: Final = 64_000_000
-"""A picture of more is treated as a decompression bomb and never decoded."""
 MAX_CHARACTERS: Final = 2_000
 """Of a caption. The rest is cut off, because text encoders read the first few dozen tokens only."""
 
@@ -100,6 +99,18 @@ def import_scenes(config: ImportedConfig, regions: Callable[[NDArray[np.uint8]],
     return Imported(pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT)), dict(sorted(bad.items())))
 
 
+def load_picture(data: bytes) -> NDArray[np.uint8]:
+    """The sRGB pixels [H, W, 3] of an opaque image file, see `decode_picture`.
+
+    Raises:
+        _Unusable: it is corrupt, too large, transparent, or in colours without a unique conversion to sRGB.
+    """
+    try:
+        return decode_picture(data, "The picture", plain=True)
+    except PictureError as error:
+        raise _Unusable(error.reason) from error
+
+
 def _row(
     number: int, item: _Item, config: ImportedConfig, regions: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 ) -> dict[str, Any]:
@@ -109,11 +120,7 @@ def _row(
         raise _Unusable("empty caption")
     if item.data is None:
         raise _Unusable("missing picture")
-    try:
-        picture = decode_image(item.data, item.name, max_pixels=MAX_PIXELS, paper=None)
-    except UnusablePicture as error:
-        raise _Unusable(error.reason) from error
-    image = _square(picture, config.side_px)
+    image = _square(load_picture(item.data), config.side_px)
     chance = np.random.default_rng([config.seed, 1, number]).random()
     return {
         "image": image_cell(image),
