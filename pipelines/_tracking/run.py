@@ -13,6 +13,7 @@ import os
 import posixpath
 import re
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -24,7 +25,7 @@ from filelock import FileLock
 
 from pentimento.contracts.atomic import atomic_write
 from pipelines._io import failure_sentence
-from pipelines._params import read_yaml
+from pipelines._params import files_named_by, read_yaml
 from pipelines._tracking.dvc_files import flatten, input_digest, matrix_items, md5, params_digest, value_digest
 from pipelines._tracking.families import HEADLINES, experiment_of, family_of, note
 from pipelines._tracking.origins import origin_tags
@@ -181,6 +182,7 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
     When it is interrupted, the run is KILLED, to be continued by the next execution.
     """
     name = stage if item is None else f"{stage}@{item}"
+    _warn_of_unnoticed_files(stage)
     digests = {label: input_digest(path) for label, path in inputs.items()}
     started = time.perf_counter()
     with store_errors():
@@ -203,6 +205,24 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
         run.end("FINISHED")
     _state_file(name).unlink()
     write_timing(name, run.id, seconds)
+
+
+def _warn_of_unnoticed_files(stage: str) -> None:
+    """Print which files of the stage's parameters dvc.yaml does not list, so that DVC would not notice their change."""
+    if not (Path("params.yaml").is_file() and Path("dvc.yaml").is_file()):
+        return
+    described = read_yaml(Path("dvc.yaml")).get("stages", {}).get(stage)
+    params = read_yaml(Path("params.yaml"))
+    if described is None or stage not in params:
+        return
+    listed = {os.path.normpath(str(path)) for path in described.get("deps", [])}
+    missing = [path for path in files_named_by(stage, params, Path()) if path not in listed]
+    if missing:
+        print(
+            f"{stage}: dvc.yaml does not list {', '.join(missing)}, so that DVC does not notice a change; "
+            "`make repro` and `make deps` write it there.",
+            file=sys.stderr,
+        )
 
 
 def _end_failed(run: Run, sentence: str) -> None:

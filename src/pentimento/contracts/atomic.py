@@ -120,6 +120,8 @@ def check_replaceable(path: Path, command: str) -> None:
     """
     check_place(path)
     place = Path(os.path.abspath(path))
+    if place.is_symlink():
+        raise ConfigError(f"{path} is a link; give the folder itself.")
     if not place.exists() or (place.is_dir() and not any(place.iterdir())):
         return
     if not place.is_dir():
@@ -134,15 +136,13 @@ def check_replaceable(path: Path, command: str) -> None:
 
 
 def check_place(path: Path) -> None:
-    """Refuse a place for a folder around the place where a command runs, and one that is a link.
+    """Refuse to write a folder where a command runs, or around that place.
 
     Raises:
         ConfigError: it is such a place.
     """
-    place, here = Path(os.path.abspath(path)), Path.cwd()
-    if place.is_symlink():
-        raise ConfigError(f"{path} is a link; give the folder itself.")
-    if place.resolve() in (here.resolve(), *here.resolve().parents):
+    here = Path.cwd().resolve()
+    if Path(path).resolve() in (here, *here.parents):
         raise ConfigError(f"{path} holds the folder in which you are; give the name of a new folder.")
 
 
