@@ -182,6 +182,7 @@ def test_transforms_by_css_have_units(tmp_path: Path) -> None:
         ('width="100mm" viewBox="0 0 0 1"', "has no size"),
         ('width="100mm" viewBox="0 0 1"', "not four numbers"),
         ('width="1mm" height="2mm" viewBox="0 0 1 1" preserveAspectRatio="middle"', "'middle' is unknown"),
+        ('width="1mm" viewBox="0 0 1 1" filter="url(#f)"', "the property filter"),
         ('width="1mm" viewBox="0 0 1 1" transform="scale(2)"', "outermost svg has a transform"),
     ],
 )

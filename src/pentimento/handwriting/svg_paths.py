@@ -80,6 +80,7 @@ def read_svg(path: Path, session: str, hand: str, unit_m: float | None) -> list[
         style = drawing.style(root, {})
         hidden = style.get("display") == "none" or transparent(style)
         strokes = [] if hidden else drawing.children(root, _Context(style, size))
+        drawing.check_effects(style, strokes, _Context(style, size))
     except (ValueError, RecursionError) as error:
         reason = "its elements lie too deep in each other" if isinstance(error, RecursionError) else str(error)
         raise ContractError(
@@ -160,7 +161,7 @@ class _Drawing:
             return []
         try:
             strokes = self._content(kind, element, replace(context, style=style))
-            self._check_clip(style, strokes, context)
+            self.check_effects(style, strokes, context)
             return _placed(strokes, transform_of(style))
         except _Named:
             raise
@@ -169,7 +170,6 @@ class _Drawing:
 
     def _content(self, kind: str, element: Element, context: _Context) -> Strokes:
         """The strokes [K, 2] of a visible element in its own coordinates; ``context`` has its own style."""
-        _refuse_effects(context.style)
         if kind in _GROUPS:
             return self.children(element, context)
         if kind in _SHAPES:
@@ -232,8 +232,11 @@ class _Drawing:
             return _placed(strokes, moved(*place))
         return strokes
 
-    def _check_clip(self, style: Mapping[str, str], strokes: Strokes, context: _Context) -> None:
-        """Refuse a clip path that cuts a line off."""
+    def check_effects(self, style: Mapping[str, str], strokes: Strokes, context: _Context) -> None:
+        """Refuse masks and filters, and a clip path that cuts a line off."""
+        for name in ("mask", "filter"):
+            if style.get(name, "none") != "none":
+                raise ValueError(f"the property {name}: {style[name][:60]} is not supported")
         clip = style.get("clip-path", "none")
         if clip == "none" or not strokes:
             return
@@ -265,12 +268,6 @@ def _reference(element: Element) -> str:
     if not target.startswith("#"):
         raise ValueError(f"it repeats {target[:60]!r}, which is not in this file")
     return target[1:]
-
-
-def _refuse_effects(style: Mapping[str, str]) -> None:
-    for name in ("mask", "filter"):
-        if style.get(name, "none") != "none":
-            raise ValueError(f"the property {name}: {style[name][:60]} is not supported")
 
 
 def _outlines(kind: str, element: Element, style: Mapping[str, str], size: Size) -> Iterator[FloatArray]:
