@@ -115,16 +115,18 @@ _INDEX_NAMES: Final = ("index", "level_0", "row", "row_id", "rowid", "row_nr", "
 def is_index(name: str, values: Sequence[Any]) -> bool:
     """Whether a column only numbers the rows, as data frames write it beside the data: it is no covariate.
 
-    Its name is empty or one that pandas or polars gives, and its values are different whole numbers.
+    Its values are whole numbers, and its name is empty or one that pandas makes up. Under a name such as `index` or
+    `id` they must differ, too.
     """
     lower = name.strip().lower()
-    if _UNNAMED.fullmatch(lower) is None and lower not in _INDEX_NAMES:
+    unnamed = _UNNAMED.fullmatch(lower) is not None
+    if not unnamed and lower not in _INDEX_NAMES:
         return False
     try:
         numbers = [float(value) for value in values]
     except (TypeError, ValueError):
         return False
-    return all(number.is_integer() for number in numbers) and len(set(numbers)) == len(numbers)
+    return all(number.is_integer() for number in numbers) and (unnamed or len(set(numbers)) == len(numbers))
 
 
 def _quarantine(table: pa.Table, contract: TableContract, where: str) -> tuple[Quarantined, ...]:
