@@ -6,7 +6,8 @@
 #   make deps                    write into dvc.yaml the dependencies that follow from code and params.yaml
 #   make bench                   the benchmarks, side by side with the slow references
 #   make studies [WORLDS=0.1]    the blind benchmark of the diagnosis (hours), or a share of them; resumes where it was interrupted
-#   make clean                   remove outputs and caches; environment, DVC's cache and MLflow's history stay
+#   make clean                   remove the pipeline's outputs and caches; what you brought, environment, DVC's cache and
+#                                MLflow's history stay
 #   make env                     the environment alone
 PYTHON ?= python3
 PROFILE ?=
@@ -70,8 +71,9 @@ studies: env
 	$(BIN)/python -m studies.blind.table pushes --worlds $(WORLDS)
 	$(BIN)/python -m studies.stroke_models
 
-clean:
-	rm -rf data/*/ models/*/weights models/bundle .profiles .pentimento .mypy_cache .pytest_cache .ruff_cache .hypothesis
+clean: env
+	$(BIN)/python -m pipelines._clean
+	rm -rf .profiles .pentimento .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 env: $(STAMP)

@@ -7,7 +7,7 @@ only. Lengths, times, angles and speeds may have a unit: a text for a field whos
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
@@ -83,6 +83,10 @@ def _build(value: Any, kind: Any, key: str) -> Any:
         return {name: _build(entry, arguments[1], f"{key}.{name}") for name, entry in value.items()}
     if get_origin(kind) is tuple and is_dataclass(arguments[0]) and isinstance(value, list):
         return tuple(_build(entry, arguments[0], f"{key}[{index}]") for index, entry in enumerate(value))
+    if get_origin(kind) is list and is_dataclass(arguments[0]) and isinstance(value, list):
+        defaults = {field.name: field.default for field in fields(arguments[0]) if field.default is not MISSING}
+        full = [defaults | entry if isinstance(entry, dict) else entry for entry in value]
+        return [_build(entry, arguments[0], f"{key}[{index}]") for index, entry in enumerate(full)]
     return _build_plain(value, kind, key)
 
 

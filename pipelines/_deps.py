@@ -4,16 +4,22 @@
 
 Written are each stage's code dependencies (what its module imports), its sections of params.yaml (its own and those of
 its presets), and the paths that stand there for each tool, setting or material. A folder stands for its files where the
-stage needs half of them or more. All other dependencies are kept by hand.
+stage needs half of them or more. Files and folders that a stage's sections name stand there with a comment: DVC then
+notices that one has changed. All other dependencies are kept by hand.
 """
 
+import json
 import re
+from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 
+from ruamel.yaml import YAML
+
 from pentimento.cli.pipeline_files import with_listed_paths
+from pentimento.contracts.atomic import atomic_write
 from pipelines._imports import PACKAGE_DATA, ROOT, has_code, needed_files
-from pipelines._params import Params, read_yaml, sections_of
+from pipelines._params import Params, files_named_by, read_yaml, sections_of
 
 CODE = ("src/", "pipelines/")
 _STAGE = re.compile(r"  (\w+):$")
@@ -43,6 +49,41 @@ def _folder_or_file(file: Path, needed: set[Path]) -> Path:
     return mostly[-1] if mostly else file
 
 
+NAMED = "  # named in params.yaml"
+
+
+def with_named_files(text: str, params: Params, root: Path) -> str:
+    """Return dvc.yaml's text with the files below `root` that each stage's sections of params.yaml name.
+
+    What the stage depends on anyway, or writes itself, is left out.
+    """
+    plain = "\n".join(line for line in text.splitlines() if not line.endswith(NAMED)) + "\n"
+    stages = YAML(typ="safe").load(plain).get("stages", {})
+    lines: list[str] = []
+    stage = ""
+    for line in plain.splitlines():
+        lines.append(line)
+        if match := _STAGE.fullmatch(line):
+            stage = match[1]
+        if line == "    deps:" and stage in params:
+            known = {str(path) for path in stages[stage]["deps"]}
+            made = [re.sub(r"\$\{.*?\}", "*", out) for out in stages[stage].get("outs", []) if isinstance(out, str)]
+            for path in files_named_by(stage, params, root):
+                if path not in known and not any(fnmatch(f"{path}/", f"{out}/*") for out in made):
+                    lines.append(f"      - {json.dumps(path, ensure_ascii=False)}{NAMED}")
+    return "\n".join(lines) + "\n"
+
+
+def name_files(root: Path) -> bool:
+    """Write the files that params.yaml names into dvc.yaml; return whether that changed anything."""
+    file = root / "dvc.yaml"
+    text = file.read_text(encoding="utf-8")
+    new = with_named_files(text, read_yaml(root / "params.yaml"), root)
+    if new != text:
+        atomic_write(file, new.encode())
+    return new != text
+
+
 def with_dependencies(text: str, params: Params) -> str:
     """Return dvc.yaml's text with all that this module writes; `params` is params.yaml, presets unresolved."""
     lines: list[str] = []
@@ -57,7 +98,7 @@ def with_dependencies(text: str, params: Params) -> str:
         lines.append(line)
         if line == "    deps:":
             lines += [f"      - {path}" for path in code_dependencies(stage)]
-    return with_listed_paths("\n".join(lines) + "\n")
+    return with_named_files(with_listed_paths("\n".join(lines) + "\n"), params, ROOT)
 
 
 def main() -> None:

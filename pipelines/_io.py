@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from pentimento.contracts.atomic import atomic_folder, atomic_write
+from pentimento.contracts.atomic import atomic_folder, atomic_write, check_place
 from pentimento.contracts.errors import PentimentoError
 
 FAILED = 1
@@ -31,8 +31,10 @@ def output_folder(path: Path) -> Iterator[Path]:
     """Yield an empty folder that is renamed to `path` when the block ends, and removed when it raises.
 
     It is created beside `path`, so that renaming is atomic. Folders that a killed execution left there are removed
-    first (DVC runs a stage once at a time).
+    first (DVC runs a stage once at a time). Raises `ConfigError` for the folder in which the stage runs, and those
+    around it.
     """
+    check_place(path)
     for abandoned in path.parent.glob(f".{path.name}.*.tmp"):
         shutil.rmtree(abandoned)
     try:

@@ -8,6 +8,7 @@ such as `planners.pen`), with its other keys in place of the preset's, key by ke
 Sections that no stage has hold nothing but presets. A stage lists those that it uses under `params` in dvc.yaml.
 """
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from pentimento.contracts.errors import ConfigError
 
 PRESET = "preset"
+_LONGEST_PATH = 1000
 Params = dict[str, Any]
 
 
@@ -65,6 +67,29 @@ def sections_of(stage: str, document: Params) -> list[str]:
         found |= used
         waiting += used
     return [stage, *(name for name in document if name in found - {stage})]
+
+
+def files_named_by(stage: str, document: Params, root: Path) -> list[str]:
+    """Return the files and folders that exist and that the sections of a stage name, relative to `root` or absolute.
+
+    A folder counts only where its name has a slash, because a single word may mean something else.
+    """
+    found: dict[str, None] = {}
+    for section in sections_of(stage, document):
+        for text in _texts(document[section]):
+            if len(text) < _LONGEST_PATH and "\n" not in text and "\0" not in text:
+                path = root / text
+                if os.path.isfile(path) or ("/" in text and os.path.isdir(path)):
+                    found[os.path.normpath(text)] = None
+    return list(found)
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for entry in value.values() if isinstance(value, dict) else value:
+            yield from _texts(entry)
 
 
 def overlaid(root: Path, profile: str) -> Params:

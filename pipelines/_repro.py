@@ -15,8 +15,10 @@ import time
 from pathlib import Path
 
 from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
-from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.errors import ConfigError, PentimentoError
+from pipelines._deps import name_files
 from pipelines._dvc import put_aside_broken_lock, run_dvc
 from pipelines._io import end_with_parent
 from pipelines._params import overlaid, read_yaml
@@ -45,6 +47,7 @@ def main(arguments: list[str]) -> int:
     try:
         folder = overlay(root, profile) if profile else root
         put_aside_broken_lock(folder)
+        _name_files(folder)
     except (PentimentoError, OSError) as error:
         print(f"make repro: {error}", file=sys.stderr)
         return 1
@@ -74,6 +77,16 @@ def main(arguments: list[str]) -> int:
     print(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
     print("             then open http://127.0.0.1:5000; what changed: .venv/bin/python -m pipelines.compare --last 2")
     return 0
+
+
+def _name_files(folder: Path) -> None:
+    """Let the stages depend on the files that params.yaml names, so that DVC notices when one has changed."""
+    try:
+        changed = name_files(folder)
+    except (ConfigError, OSError, KeyError, TypeError, AttributeError, YAMLError):
+        return  # of files that DVC cannot read either, DVC reports what is wrong
+    if changed:
+        print(f"make repro: the files that params.yaml names were written into {folder / 'dvc.yaml'} as dependencies.")
 
 
 def _ran_since(folder: Path, started: float) -> bool:

@@ -19,6 +19,7 @@ from pipelines._review.comparison import compare
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._review.page import page, text
 from pipelines._tracking.store import store_errors
+from pipelines._tracking.timings import COMPARISONS
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -93,5 +94,5 @@ if __name__ == "__main__":
     parser.add_argument("--stage", help="a stage, or stage@item")
     parser.add_argument("--check", action="store_true", help="compare dvc.lock with MLflow instead")
     parser.add_argument("--profile", default="default", help="of --check: whose dvc.lock")
-    parser.add_argument("--out", type=Path, default=Path("data/comparisons"), help="folder for the page")
+    parser.add_argument("--out", type=Path, default=COMPARISONS, help="folder for the page")
     stage_main(main, parser)

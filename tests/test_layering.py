@@ -21,7 +21,6 @@ HEAVY = {
     "peft",
 }
 HEAVY |= {
-    "PIL",
     "pydantic",
     "pytorch_lightning",
     "rich",

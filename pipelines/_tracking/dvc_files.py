@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,22 @@ def matrix_items(folder: Path, stage: str) -> dict[str, list[str]]:
     lists = {f"${{{name}}}": listed for each in document.get("vars", []) for name, listed in each.items()}
     matrix = document.get("stages", {}).get(stage, {}).get("matrix", {})
     return {axis: lists[items] if isinstance(items, str) else items for axis, items in matrix.items()}
+
+
+def outputs(folder: Path) -> list[str]:
+    """Return every path that the stages of dvc.yaml write, and those that an earlier dvc.yaml wrote (by dvc.lock)."""
+    found: dict[str, None] = {}
+    for name, stage in read_yaml(folder / "dvc.yaml").get("stages", {}).items():
+        axes = matrix_items(folder, name)
+        for out in stage.get("outs", []):
+            path = out if isinstance(out, str) else next(iter(out))
+            for items in product(*axes.values()):
+                filled = path
+                for axis, item in zip(axes, items, strict=True):
+                    filled = filled.replace(f"${{item.{axis}}}", item)
+                found[filled] = None
+    locked = (out["path"] for stage in locked_stages(folder).values() for out in stage.get("outs", []))
+    return list(found | dict.fromkeys(locked))
 
 
 def locked_stages(folder: Path) -> dict[str, Any]:

@@ -8,6 +8,8 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.report.templates import render
 
 TIMINGS = Path("data/timings")
+COMPARISONS = Path("data/comparisons")
+"""Of pages that `pipelines.compare` writes; DVC does not know them either."""
 
 
 def write_timing(name: str, run_id: str, seconds: float) -> None:

@@ -235,3 +235,22 @@ def test_the_full_profile_is_of_one_size_throughout(tmp_path: Path) -> None:
     assert deployed.settings["marker"].planner == setting.planner
     learnt = scenes.max_scenes * (1 - scenes.val_share - scenes.test_share)
     assert learnt > full["synthesize_copaintings"].scenes.train == 20000
+
+
+def test_a_list_of_sections_says_which_entry_is_wrong_and_why(tmp_path: Path) -> None:
+    from pipelines.gather_demonstrations import GatherDemonstrations
+
+    source = {"path": "a.json", "format": "tablet", "session": "s", "hand": "ann", "unit_m": "1 mm", "optitrack": None}
+    section = {
+        "points": 16, "sources": [source, source | {"hand": "a/b"}],
+        "synthetic": {"sessions": 2, "strokes": 9, "seed": 1},
+        "limits": {"max_gap_samples": 5, "jump_m": "3 mm", "jump_factor": 8.0, "shortest_m": "1 mm", "longest_m": 0.6},
+    }  # fmt: skip
+    file = tmp_path / "params.yaml"
+    YAML(typ="safe").dump({"gather_demonstrations": section}, file)
+    with pytest.raises(ConfigError, match=r"sources\[1\]: hand is 'a/b'; it names files"):
+        load_section(file, "gather_demonstrations", GatherDemonstrations)
+    section["sources"] = [source]
+    YAML(typ="safe").dump({"gather_demonstrations": section}, file)
+    (read,) = load_section(file, "gather_demonstrations", GatherDemonstrations).sources
+    assert (read.unit_m, read.c3d) == (1e-3, None)

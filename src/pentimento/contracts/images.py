@@ -1,7 +1,8 @@
-"""PNG in and out. RGB order everywhere; OpenCV's BGR never leaves this module."""
+"""PNG in and out, and picture files in. RGB order everywhere; OpenCV's BGR never leaves this module."""
 
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -9,6 +10,10 @@ import numpy.typing as npt
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ImageError
+from pentimento.contracts.picture_files import MAX_PIXELS, PNG, decode_picture
+
+_SAYS_MORE: Final = re.compile(rb"iCCP|eXIf|cICP|gAMA|cHRM")
+"""A PNG's chunks of colour and orientation."""
 
 
 def encode_png(image: npt.NDArray[Any]) -> bytes:
@@ -36,12 +41,17 @@ def image_cell(image: npt.NDArray[Any]) -> dict[str, bytes | None]:
     return {"bytes": encode_png(image), "path": None}
 
 
-def _decoded(data: bytes, flags: int, name: str) -> npt.NDArray[Any]:
+def _decoded(data: bytes) -> npt.NDArray[Any]:
     # A PNG without its last chunk was cut off; OpenCV would print a second message on stderr.
-    whole = data and (not data.startswith(b"\x89PNG") or b"IEND" in data)
-    pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if whole else None
+    whole = data and (not data.startswith(PNG) or b"IEND" in data)
+    if data.startswith(PNG) and (area := int.from_bytes(data[16:20]) * int.from_bytes(data[20:24])) > MAX_PIXELS:
+        raise ImageError(f"A PNG has {area} pixels, and at most {MAX_PIXELS} are read; make it smaller.")
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if whole else None
+    except cv2.error:  # beyond OpenCV's own limits
+        pixels = None
     if pixels is None:
-        raise ImageError(f"{name} ({len(data)} bytes) is not a readable image; it may be cut off or corrupt.")
+        raise ImageError(f"A PNG ({len(data)} bytes) is not a readable image; it may be cut off or corrupt.")
     return np.ascontiguousarray(pixels[..., ::-1]) if pixels.ndim == 3 else pixels
 
 
@@ -51,30 +61,33 @@ def decode_png(data: bytes) -> npt.NDArray[Any]:
     Raises:
         ImageError: unreadable, or of another kind (transparent, 16 bits of colour).
     """
-    image = _decoded(data, cv2.IMREAD_UNCHANGED, "A PNG")
+    image = _decoded(data)
     colour = image.ndim == 3 and image.shape[2] == 3 and image.dtype == np.uint8
     if not colour and not (image.ndim == 2 and image.dtype in (np.uint8, np.uint16)):
         raise ImageError(
             f"A PNG holds {image.dtype} of shape {image.shape}; tables hold 8-bit RGB, 8-bit grey or 16-bit "
             "grey. Save it again without transparency."
         )
-    return image
+    # Another program's picture may hold a colour profile or an orientation; `encode_png` writes neither.
+    return decode_image(data, "A PNG") if colour and _SAYS_MORE.search(data, 0, data.find(b"IDAT")) else image
 
 
 def decode_image(data: bytes, name: str) -> npt.NDArray[np.uint8]:
     """Bytes of any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3]; ``name`` describes it in messages.
 
+    It is upright, in sRGB whatever its colour profile, and on white paper where it is transparent.
+
     Raises:
-        ImageError: unreadable.
+        ImageError: unreadable, too large, or its colours have no unique meaning in sRGB.
     """
-    return _decoded(data, cv2.IMREAD_COLOR, name)
+    return decode_picture(data, name)
 
 
 def read_image(path: Path) -> npt.NDArray[np.uint8]:
-    """Any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3].
+    """Any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3], see `decode_image`.
 
     Raises:
-        ImageError: missing or unreadable.
+        ImageError: missing, or as `decode_image`.
     """
     path = Path(path)
     try:

@@ -73,8 +73,7 @@ class Placement(NamedTuple):
         return turned
 
 
-MAX_PIXELS: Final = 2**27
-"""Of a photograph: 128 megapixels."""
+COMMAND: Final = "pentimento import"
 _MARGIN_M: Final = 0.012
 """Width of the paper around a stroke's path in its pictures."""
 

@@ -18,6 +18,10 @@ FloatArray = NDArray[np.float64]
 
 PHOTOGRAPHS = ("astronaut", "chelsea", "coffee", "rocket", "retina")
 """Photographs that scikit-image ships inside its wheel."""
+_LIGHT = srgb_to_linear(to_float(np.arange(256, dtype=np.uint8)).astype(np.float64))
+"""Linear light of each of the 256 levels."""
+_BAND = 128
+"""Rows of a picture that are averaged at a time."""
 
 
 def load_photograph(name_or_path: str) -> NDArray[np.uint8]:
@@ -81,10 +85,23 @@ def fit_to_canvas(photo: NDArray[np.uint8], shape: tuple[int, int]) -> FloatArra
     scale = max(height / photo.shape[0], width / photo.shape[1])
     crop_h, crop_w = round(height / scale), round(width / scale)
     top, left = (photo.shape[0] - crop_h) // 2, (photo.shape[1] - crop_w) // 2
-    part = srgb_to_linear(to_float(photo[top : top + crop_h, left : left + crop_w]).astype(np.float64))
-    smaller = crop_h >= height
-    resized = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC)
-    return np.clip(resized, 0.0, 1.0)
+    part = photo[top : top + crop_h, left : left + crop_w]
+    if crop_h >= height:
+        return np.clip(averaged_light(part, shape), 0.0, 1.0)
+    return np.clip(cv2.resize(_LIGHT[part], (width, height), interpolation=cv2.INTER_CUBIC), 0.0, 1.0)
+
+
+def averaged_light(photo: NDArray[np.uint8], shape: tuple[int, int]) -> FloatArray:
+    """Linear light [h, w, 3] of a picture, sRGB [H, W, 3], averaged down to ``shape``, at most its own.
+
+    It is done in bands of rows, because floating point takes eight times the memory of a photograph.
+    """
+    height, width = shape
+    narrow = np.empty((len(photo), width, 3))
+    for start in range(0, len(photo), _BAND):
+        band = _LIGHT[photo[start : start + _BAND]]
+        narrow[start : start + _BAND] = cv2.resize(band, (width, len(band)), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(narrow, (width, height), interpolation=cv2.INTER_AREA))
 
 
 def fit_to_ink(target: FloatArray, darkest: float) -> FloatArray:
