@@ -238,6 +238,12 @@ def test_depth_relief_uses_local_depth_model(tmp_path: Path) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (30, 40, 3), dtype=np.uint8)
     near = depth_relief(picture, tmp_path)
     assert near.shape == (30, 40) and np.ptp(near) > 0 and near.min() >= 0  # inverse depth
+    weights = tmp_path / "model.safetensors"
+    whole = weights.read_bytes()
+    for broken in (whole[: len(whole) // 2], b"version https://git-lfs.github.com/spec/v1\n"):
+        weights.write_bytes(broken)
+        with pytest.raises(GoalError, match=r"model\.safetensors is (cut off|a pointer)"):
+            depth_relief(picture, tmp_path)
     model.config.depth_estimation_type = "metric"
     model.config.max_depth = 1
     model.save_pretrained(tmp_path)

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ContractError, ImageError
+from pentimento.contracts.errors import ConfigError, ContractError, ImageError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.picture_files import decode_deep
 from pentimento.goals3d.obj_file import read_obj
@@ -247,13 +247,15 @@ def depth_relief(picture: Image, folder: Path) -> FloatArray:
     import torch
     from transformers import AutoImageProcessor, AutoModelForDepthEstimation
 
+    from pentimento.semantics.pretrained import load_pretrained, unreadable
+
     try:
-        processor = AutoImageProcessor.from_pretrained(folder, local_files_only=True)
-        model = AutoModelForDepthEstimation.from_pretrained(folder, local_files_only=True).eval()
-    except (OSError, ValueError, KeyError) as error:
-        first = str(error).splitlines()[0]
+        model = load_pretrained(AutoModelForDepthEstimation, folder, "The depth model")
+        with unreadable(f"The image processor in {folder}"):
+            processor = AutoImageProcessor.from_pretrained(folder, local_files_only=True)
+    except ConfigError as error:
         raise GoalError(
-            f"{folder} holds no depth model of transformers ({first}); save model and image processor there with "
+            f"{folder} holds no depth model of transformers ({error}); save model and image processor there with "
             "save_pretrained, or choose the plain relief."
         ) from error
     with torch.no_grad():
