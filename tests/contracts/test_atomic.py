@@ -1,10 +1,12 @@
 import errno
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pentimento.contracts.atomic import atomic_folder, atomic_write
+from pentimento.contracts.atomic import RECORD, atomic_folder, atomic_write, command_folder
+from pentimento.contracts.errors import ConfigError
 
 
 def names(folder: Path) -> list[str]:
@@ -103,3 +105,67 @@ def test_a_file_where_the_folder_belongs_is_replaced_and_leaves_nothing(tmp_path
         with atomic_folder(tmp_path / "out") as folder:
             (folder / "part").write_text("new")
         assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+def write(path: Path, text: str, command: str = "pentimento import") -> None:
+    with command_folder(path, command) as folder:
+        (folder / "part").mkdir()
+        (folder / "part/table").write_text(text)
+        (folder / "README.md").write_text("# Table")
+
+
+def test_a_command_replaces_its_own_folder_and_an_empty_one(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    write(tmp_path / "out", "first")
+    write(tmp_path / "out", "second")
+    assert (tmp_path / "out/part/table").read_text() == "second"
+    assert names(tmp_path / "out") == [RECORD, "README.md", "part"] and names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize(
+    ("harm", "named"),
+    [
+        (
+            lambda folder: (folder / "notes.txt").write_text("mine"),
+            r"notes.txt, which `pentimento import` did not write",
+        ),
+        (lambda folder: (folder / "part/.hidden").write_text("mine"), r"part/\.hidden, which"),
+        (lambda folder: (folder / "README.md").write_text("license: mine"), "README.md, which was changed since"),
+        (lambda folder: (folder / "photos").mkdir(), "photos, which"),
+        (lambda folder: (folder / "link").symlink_to(folder / "part"), "link, which"),
+        (lambda folder: (folder / RECORD).unlink(), "README.md, which"),
+        (lambda folder: (folder / RECORD).write_text("[]"), "README.md, which"),
+    ],
+)
+def test_a_command_refuses_to_delete_what_it_did_not_write(
+    tmp_path: Path, harm: Callable[[Path], object], named: str
+) -> None:
+    write(tmp_path / "out", "first")
+    harm(tmp_path / "out")
+    with pytest.raises(ConfigError, match=named):
+        write(tmp_path / "out", "second")
+    assert (tmp_path / "out/part/table").read_text() == "first"
+
+
+def test_a_command_refuses_the_folder_of_another_one_a_file_and_a_link(tmp_path: Path) -> None:
+    write(tmp_path / "out", "first")
+    with pytest.raises(ConfigError, match=r"README.md, which `pentimento export` did not write"):
+        write(tmp_path / "out", "second", "pentimento export")
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(ConfigError, match="is a file, which would be deleted"):
+        write(tmp_path / "file", "second")
+    (tmp_path / "link").symlink_to(tmp_path / "out")
+    with pytest.raises(ConfigError, match="is a link"):
+        write(tmp_path / "link", "second")
+    assert (tmp_path / "out/part/table").read_text() == "first" and (tmp_path / "file").read_text() == "mine"
+
+
+@pytest.mark.parametrize("place", [".", "..", "", "../work", "/", "sub/.."])
+def test_a_command_refuses_the_folder_in_which_it_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    (tmp_path / "work/sub").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "work")
+    with pytest.raises(ConfigError, match="holds the folder in which you are"):
+        write(Path(place), "text")
+    assert names(tmp_path / "work") == ["sub"]

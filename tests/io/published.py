@@ -128,11 +128,11 @@ def change_column(path: Path, name: str, values: Any) -> None:
     pq.write_table(table.set_column(at, name, values), path, row_group_size=ROWS_A_GROUP)
 
 
-def film(path: Path, episodes: Iterable[int], without_last: int = 0) -> None:
+def film(path: Path, episodes: Iterable[int], without_last: int = 0, fps: float = FPS) -> None:
     """The pictures of episodes as one video, but for so many at its end."""
     path.parent.mkdir(parents=True, exist_ok=True)
     shown = [picture for number in episodes for picture in pictures(number)]
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), FPS, shown[0].shape[1::-1])
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), fps, shown[0].shape[1::-1])
     assert writer.isOpened()
     for picture in shown[: len(shown) - without_last]:
         writer.write(np.ascontiguousarray(picture[..., ::-1]))

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from pentimento.contracts.errors import ConfigError, ContractError, PentimentoEr
 from pentimento.contracts.images import decode_png, encode_png
 from pentimento.contracts.strokes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table, write_table
-from pentimento.io.lerobot_episodes import video_pairs
+from pentimento.io.lerobot_episodes import Span, video_pairs
 from pentimento.io.lerobot_folder import names_of, open_dataset
 from pentimento.io.lerobot_in import Description, import_lerobot
 from pentimento.io.lerobot_out import export_lerobot
@@ -70,12 +71,33 @@ def test_episode_becomes_a_stroke(video: bool, tmp_path: Path) -> None:
 def test_uses_exactly_the_first_and_last_frames_of_a_video(tmp_path: Path) -> None:
     film(tmp_path / "film.mp4", range(3))
     first = np.cumsum([0, *LENGTHS])
-    times = [(first[k] / FPS, (first[k + 1] - 1) / FPS) for k in range(3)]
-    found = list(video_pairs(tmp_path / "film.mp4", list(sheet().shape), FPS, times))
+    spans = [Span(first[k] / FPS, (first[k + 1] - 1) / FPS, LENGTHS[k]) for k in range(3)]
+    found = list(video_pairs(tmp_path / "film.mp4", list(sheet().shape), FPS, spans))
     for number, pair in enumerate(found):
         assert not isinstance(pair, Refused)
         reds = [picture[5:35, 5:35, 0].mean() for picture in pair]
         np.testing.assert_allclose(reds, [corner(number, 0), corner(number, LENGTHS[number] - 1)], atol=4)
+
+
+@pytest.mark.parametrize("plays", [FPS / 4, FPS / 2, FPS * 0.93, FPS * 1.07, 2 * FPS])
+def test_a_video_of_another_rate_than_the_table_gives_no_pictures(tmp_path: Path, plays: float) -> None:
+    folder = publish(tmp_path / "lines", video=True)
+    film(folder / VIDEO, range(3), fps=plays)
+    with pytest.raises(ContractError, match=r"fps is not the video's|no picture at its first or last frame"):
+        import_lerobot(folder, DESCRIPTION, tmp_path / "out")
+
+
+def test_pictures_are_found_by_the_times_in_the_table(tmp_path: Path) -> None:
+    """Frames that were dropped at the start of a recording, and an episode that begins one picture early."""
+    folder = publish(tmp_path / "lines", video=True)
+    first = np.cumsum([0, *LENGTHS])[:-1] / FPS
+    change_column(folder / EPISODES, f"videos/{CAMERA}/from_timestamp", pa.array(first - [0, 1 / FPS, 0]))
+    imported = import_lerobot(folder, DESCRIPTION, tmp_path / "out")
+    assert imported == (2, {"its first picture in the video is one of another episode": ["1"]})
+    late = 4 / FPS
+    data_column("timestamp", lambda v: [value + late for value in v])(folder)
+    change_column(folder / EPISODES, f"videos/{CAMERA}/from_timestamp", pa.array(first - late))
+    assert import_lerobot(folder, DESCRIPTION, tmp_path / "late").rows == 3
 
 
 def test_reads_pictures_across_row_groups(tmp_path: Path) -> None:
@@ -327,6 +349,7 @@ def test_refuses_modified_rows_of_an_exported_dataset(tmp_path: Path) -> None:
     write_table(tmp_path / "rows", example_table(3), CONTRACT, "Strokes.")
 
     def changed(name: str, values: pa.Array) -> Path:
+        shutil.rmtree(tmp_path / "set", ignore_errors=True)  # a changed dataset is not replaced
         export_lerobot(tmp_path / "rows", tmp_path / "set", 30)
         change_column(tmp_path / "set" / EPISODES, name, values)
         return tmp_path / "set"

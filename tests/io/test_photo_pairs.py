@@ -1,10 +1,12 @@
 """Tests of the import of paths in a CSV file with pairs of photographs."""
 
 import math
+import unicodedata
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from pentimento.cli.main import main
 from pentimento.contracts.errors import ConfigError, ContractError
@@ -41,6 +43,49 @@ def test_converts_units_and_aligns_ink_with_the_path(tmp_path: Path) -> None:
         assert row["tool"] == "quill" and row["session"] == "paths" and row["order"] == row["action_id"] == number
         np.testing.assert_allclose(row["color_srgb"], [20 / 255, 20 / 255, 30 / 255], rtol=1e-6)
         assert row["window_m"][2] - row["window_m"][0] < 0.05  # what lies around the path, not the whole sheet
+
+
+def test_finds_photographs_as_cameras_and_other_systems_name_them(tmp_path: Path) -> None:
+    names = ("S0", "é", "s2")
+    for number, name in enumerate(names):
+        photograph(tmp_path / "photos", name, line_mm(number, 2))
+    (tmp_path / "photos/S0_after.png").rename(tmp_path / "photos/S0_after.PNG")
+    decomposed = unicodedata.normalize("NFD", "é")
+    assert decomposed != "é"
+    (tmp_path / "photos/é_before.png").rename(tmp_path / f"photos/{decomposed}_before.png")
+    (tmp_path / "photos/._s2_after.png").write_bytes(b"of macOS")
+    rows = [f"{name},{x},{y},-1" for number, name in enumerate(names) for x, y in line_mm(number, 2)]
+    paths = written(tmp_path, ["stroke,x_mm,y_mm,z_mm", *rows])
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 3 and not imported.refused
+    (tmp_path / "photos/s2_after.jpg").write_bytes((tmp_path / "photos/s2_after.png").read_bytes())
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "two")
+    assert imported.refused == {"there are several photographs after it": ["s2"]}
+
+
+def test_photographs_are_read_as_they_look(tmp_path: Path) -> None:
+    """An EXIF orientation, transparent paper and colours of another profile give the rows of the plain photographs."""
+    paths = record(tmp_path, 2)
+    import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "plain")
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    for name in ("s0_before", "s0_after"):
+        with Image.open(tmp_path / f"photos/{name}.png") as picture:
+            picture.transpose(Image.Transpose.ROTATE_90).save(tmp_path / f"photos/{name}.png", exif=exif)
+    for name in ("s1_before", "s1_after"):
+        with Image.open(tmp_path / f"photos/{name}.png") as picture:
+            pixels = np.dstack([np.asarray(picture), np.full(picture.size[::-1], 255, np.uint8)])
+        pixels[:5] = 0  # black and transparent
+        Image.fromarray(pixels).save(tmp_path / f"photos/{name}.png")
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 2
+    rows, plain = (read_table(tmp_path / name, CONTRACT).table.to_pylist() for name in ("out", "plain"))
+    assert [row["after"] for row in rows] == [row["after"] for row in plain]
+    with Image.open(tmp_path / "photos/s0_after.png") as picture:
+        picture.convert("CMYK").save(tmp_path / "photos/s0_after.tif")
+    (tmp_path / "photos/s0_after.png").unlink()
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "inks")
+    assert imported.refused == {"a photograph is unreadable (colour mode CMYK)": ["s0"]}
 
 
 def test_y_down_and_scale_give_equal_rows(tmp_path: Path) -> None:
@@ -163,3 +208,22 @@ def test_command_prints_counts_and_reasons(tmp_path: Path, capsys: pytest.Captur
     assert "2 strokes are in" in said and "Refused: 1 × there is no photograph after it (s1)." in said
     assert main(["import", str(tmp_path / "nowhere.csv"), *given]) == 1
     assert "nowhere.csv" in capsys.readouterr().err
+
+
+def test_command_deletes_nothing_that_it_did_not_write(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = record(tmp_path, 2)
+    given = ["import", str(paths), "--photos", str(tmp_path / "photos"), "--window", WINDOW, "--tool", "quill", "--out"]
+    assert main([*given, str(tmp_path / "out")]) == 0 and main([*given, str(tmp_path / "out")]) == 0
+    before = sorted((tmp_path / "photos").iterdir())
+    for out, says in (("photos", "did not write"), (".", "did not write"), ("paths.csv", "is a file")):
+        capsys.readouterr()
+        assert main([*given, str(tmp_path / out)]) == 1
+        assert says in capsys.readouterr().err
+    assert sorted((tmp_path / "photos").iterdir()) == before and paths.is_file()
+    capsys.readouterr()
+    assert main(["export", str(tmp_path / "out"), "--lerobot", str(tmp_path / "out")]) == 1
+    assert "`pentimento export` did not write" in capsys.readouterr().err
+    readme = tmp_path / "out/README.md"
+    readme.write_text(f"---\nlicense: CC-BY-4.0\n---\n{readme.read_text()}")
+    assert main([*given, str(tmp_path / "out")]) == 1
+    assert "README.md, which was changed since" in capsys.readouterr().err

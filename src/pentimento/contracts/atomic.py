@@ -4,12 +4,20 @@ The new content is written under a hidden name in the same folder, flushed to th
 failure before the rename (an exception, a full disk, a killed process) leaves the old content.
 """
 
+import hashlib
+import json
 import os
 import shutil
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
+
+from pentimento.contracts.errors import ConfigError
+
+RECORD: Final = ".pentimento.json"
+"""In a folder that a command wrote: the command, and a digest of each file."""
 
 
 def _sibling(path: Path, ending: str) -> Path:
@@ -85,3 +93,80 @@ def _exchange(new: Path, path: Path, old: Path) -> None:
     except OSError:
         old.rename(path)
         raise
+
+
+@contextmanager
+def command_folder(path: Path, command: str) -> Iterator[Path]:
+    """As `atomic_folder`, but it replaces only what the same command wrote and nobody changed.
+
+    Args:
+        command: the command that writes the folder, as its users call it.
+
+    Raises:
+        ConfigError: see `check_replaceable`.
+    """
+    check_replaceable(path, command)
+    with atomic_folder(Path(os.path.abspath(path))) as folder:
+        yield folder
+        record = {"command": command, "files": _digests(folder)}
+        (folder / RECORD).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def check_replaceable(path: Path, command: str) -> None:
+    """Let a command replace a folder only if it does not exist, is empty, or holds just what the command wrote.
+
+    Raises:
+        ConfigError: something else would be deleted.
+    """
+    check_place(path)
+    place = Path(os.path.abspath(path))
+    if not place.exists() or (place.is_dir() and not any(place.iterdir())):
+        return
+    if not place.is_dir():
+        raise ConfigError(f"{path} is a file, which would be deleted; give the name of a new folder.")
+    known, present = _recorded(place, command), _digests(place)
+    other = next((name for name, digest in present.items() if known.get(name) != digest), None)
+    if other is not None:
+        what = "was changed since" if other in known else f"`{command}` did not write"
+        raise ConfigError(
+            f"{path} holds {other}, which {what}; it would be deleted. Name a new folder, or remove that one."
+        )
+
+
+def check_place(path: Path) -> None:
+    """Refuse a place for a folder around the place where a command runs, and one that is a link.
+
+    Raises:
+        ConfigError: it is such a place.
+    """
+    place, here = Path(os.path.abspath(path)), Path.cwd()
+    if place.is_symlink():
+        raise ConfigError(f"{path} is a link; give the folder itself.")
+    if place.resolve() in (here.resolve(), *here.resolve().parents):
+        raise ConfigError(f"{path} holds the folder in which you are; give the name of a new folder.")
+
+
+def _recorded(folder: Path, command: str) -> dict[str, str]:
+    """The digests of the files that a command wrote into a folder; empty where it did not write it."""
+    try:
+        record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    if not isinstance(record, dict) or record.get("command") != command or not isinstance(record.get("files"), dict):
+        return {}
+    return record["files"]
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    """A digest of each file below a folder but its record, by path; an empty folder counts as a file."""
+    found = {}
+    for entry in sorted(folder.rglob("*")):
+        name = entry.relative_to(folder).as_posix()
+        if entry.is_symlink() or not (entry.is_file() or entry.is_dir()):
+            found[name] = "another kind of file"
+        elif entry.is_dir():
+            found |= {} if any(entry.iterdir()) else {name: "an empty folder"}
+        elif name != RECORD:
+            with entry.open("rb") as file:
+                found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found

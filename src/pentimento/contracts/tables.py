@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pentimento.contracts.atomic import atomic_folder
+from pentimento.contracts.atomic import atomic_folder, command_folder
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.schema import TableContract, arrow_field, columns_markdown, row_faults, type_name
 
@@ -43,14 +43,21 @@ class CheckedTable:
     quarantined: tuple[Quarantined, ...]
 
 
-def write_table(folder: Path, table: pa.Table, contract: TableContract, card: str) -> None:
+def write_table(
+    folder: Path, table: pa.Table, contract: TableContract, card: str, *, command: str | None = None
+) -> None:
     """Write a table as a folder of shards with README.md (`card` and the columns' meaning), atomically.
+
+    Args:
+        command: of a user, which then may replace nothing but a folder of its own (`command_folder`).
 
     Raises:
         ContractError: the schema or any row breaks the contract; nothing is written.
+        ConfigError: the folder holds what ``command`` did not write.
     """
     checked = _valid(table, contract)
-    with atomic_folder(Path(folder)) as temporary:
+    replacing = atomic_folder(Path(folder)) if command is None else command_folder(Path(folder), command)
+    with replacing as temporary:
         _write_checked(temporary, checked)
         (temporary / "README.md").write_text(f"{card.rstrip()}\n\n## Columns\n\n{columns_markdown(contract)}")
 

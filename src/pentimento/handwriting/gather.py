@@ -36,6 +36,12 @@ class Source:
     c3d: C3D | None = None
     """For that format."""
 
+    def __post_init__(self) -> None:
+        if self.unit_m is not None and not 0 < self.unit_m <= 1:
+            raise ValueError(
+                f"unit_m is {self.unit_m}; it is the length of the file's unit in metres, above 0, up to 1."
+            )
+
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
@@ -51,7 +57,7 @@ def read_source(source: Source) -> list[Recording]:
     """All strokes of one file, as recorded.
 
     Raises:
-        ContractError: the file does not follow its format.
+        ContractError: the file does not follow its format, or ``plausible`` refuses its strokes.
         ConfigError: a setting that the format needs is missing.
     """
     path = Path(source.path)

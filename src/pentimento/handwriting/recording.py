@@ -6,6 +6,7 @@ The standard frame removes place and heading, so that few demonstrations show a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -50,6 +51,40 @@ def recording(
         if values is not None:
             points[:, column] = values
     return Recording(session, hand, points)
+
+
+_SPEEDS_M_S: Final = (1e-3, 10.0)
+"""Of a person's strokes, as the median of a file. Milliseconds taken for seconds give a thousandth, and the reverse."""
+
+
+def plausible(path: Path, strokes: list[Recording]) -> list[Recording]:
+    """The strokes of a file, if there are any and a person can have drawn them at these speeds.
+
+    Raises:
+        ContractError: there is none, or times or lengths are in another unit than the file or its settings say.
+    """
+    if not strokes:
+        raise ContractError(
+            f"{path} holds no stroke; for motion capture, see that pen and canvas are named and contact_m is right."
+        )
+    speed = _median_speed_m_s(strokes)
+    if speed is not None and not _SPEEDS_M_S[0] < speed < _SPEEDS_M_S[1]:
+        raise ContractError(
+            f"{path}: by its times, strokes are drawn at {1e3 * speed:.3g} mm/s (median), as no person draws; "
+            "see that times are in seconds (of Quick, Draw! in milliseconds) and lengths in their unit."
+        )
+    return strokes
+
+
+def _median_speed_m_s(strokes: list[Recording]) -> float | None:
+    """None where no stroke has times."""
+    speeds = []
+    for stroke in strokes:
+        known = stroke.points[np.isfinite(stroke.points[:, :3]).all(axis=1)]
+        if len(known) > 1 and (duration_s := float(np.ptp(known[:, T]))) > 0:
+            speeds.append(float(np.linalg.norm(np.diff(known[:, XY], axis=0), axis=1).sum()) / duration_s)
+    moving = [speed for speed in speeds if speed > 0]
+    return float(np.median(moving)) if moving else None
 
 
 _CLOSED = 1e-9

@@ -1,166 +1,332 @@
-"""Import of SVG paths as strokes: lines, Bézier curves and arcs, flattened, with y up.
+"""Import of SVG drawings as strokes: the outlines that a viewer shows, at their size, flattened, with y up.
 
-Supported are `path`, `polyline`, `polygon` and `line`, also within groups. A drawing with a `transform` is refused;
-flatten it first.
+Drawn are `path` and the basic shapes, also within groups, links, nested `svg`, and by `use`; transforms, viewports,
+hidden layers and style sheets are followed. Outlines count, not how they are painted: what is seen only as a filling
+gives its outline, and markers at the ends of lines give nothing. Elements and properties that would draw or cut
+something else are refused by name.
 """
 
 from __future__ import annotations
 
-import math
-import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ContractError, UnitError
-from pentimento.contracts.units import parse_quantity
+from pentimento.contracts.errors import ContractError
 from pentimento.handwriting.recording import Recording, recording
+from pentimento.handwriting.svg_path_data import ellipse, flattened, places, rectangle
+from pentimento.handwriting.svg_style import Style, StyleSheet, hidden_paint, transparent
+from pentimento.handwriting.svg_transforms import (
+    Size,
+    fitted,
+    length,
+    length_m,
+    moved,
+    scaled,
+    transform_of,
+    view_box,
+)
 
 FloatArray = NDArray[np.float64]
+Strokes = list[FloatArray]
 
-_TOKEN: Final = re.compile(r"[A-Za-z]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_NUMBERS: Final = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
-_STEPS: Final = 24
-"""Segments of a flattened curve. Strokes are resampled by arc length later."""
+_NAMESPACE: Final = "{http://www.w3.org/2000/svg}"
+_NOT_DRAWN: Final = frozenset((
+    "title", "desc", "metadata", "defs", "symbol", "clipPath", "mask", "marker", "pattern", "linearGradient",
+    "radialGradient", "meshgradient", "hatch", "solidcolor", "filter", "style", "view", "cursor", "color-profile",
+    "font", "font-face",
+))  # fmt: skip
+_GROUPS: Final = ("g", "a")
+_SHAPES: Final = ("path", "line", "polyline", "polygon", "circle", "ellipse", "rect")
+_TEXT: Final = ("text", "flowRoot")
+_MAX_ELEMENTS: Final = 200_000
+"""Drawn, each time that `use` repeats them."""
+_LARGEST: Final = 1e9
+"""Coordinate of a shape, in user units."""
+_OUTSIDE: Final = 1e-6
+"""Of a viewport's or a clip path's size: how far a line may leave it before it counts as cut."""
 
 
 def read_svg(path: Path, session: str, hand: str, unit_m: float | None) -> list[Recording]:
-    """Each subpath of a drawing as a stroke, in the order of the file. Times and pressures are unknown.
+    """Each subpath of a drawing as a stroke, in the order of drawing. Times and pressures are unknown.
 
     Args:
-        unit_m: length of a user unit. None: from the drawing's width (mm, cm or in) and its viewBox.
+        unit_m: length of a user unit of the outermost `svg`. None: from its width or height (mm, cm, in, pt, pc, Q)
+            and viewBox.
 
     Raises:
-        ContractError: the file is no SVG, has no unit, has a `transform`, or has an invalid path, which is named.
+        ContractError: the file is no SVG, has no unit, draws no line, or has something that is not understood, which is
+            named.
     """
     try:
+        if b"<?xml-stylesheet" in path.read_bytes():
+            raise ContractError(f"{path} has its style in another file; save it with its style inside.")
         root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+    except (OSError, ElementTree.ParseError, LookupError, ValueError) as error:
         raise ContractError(f"{path} cannot be read as SVG: {error}.") from error
-    to_m = _unit(root, path) if unit_m is None else unit_m
-    strokes: list[FloatArray] = []
-    for number, element in enumerate(root.iter()):
-        if element.get("transform"):
-            raise ContractError(f"{path} has an element with a transform; flatten the drawing, then import it.")
-        try:
-            strokes += _subpaths(element)
-        except (ValueError, IndexError) as error:
-            raise ContractError(f"{path}, element {number}: {error}; correct or remove it.") from error
-    return [recording(session, hand, stroke * np.array([to_m, -to_m])) for stroke in strokes]
-
-
-def _unit(root: ElementTree.Element, path: Path) -> float:
-    box = [float(value) for value in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if value]
+    if root.tag.removeprefix(_NAMESPACE) != "svg":
+        raise ContractError(f"{path} holds <{root.tag[:60]}> and no <svg>; export the drawing as plain SVG.")
     try:
-        width_m = parse_quantity(root.get("width", ""), "m")
-    except UnitError as error:
-        raise ContractError(f"{path} has no width as a length ({error}) Give unit_m instead.") from error
-    if len(box) != 4 or not box[2] > 0:
-        raise ContractError(f"{path} has no viewBox of four numbers; give unit_m, the length of a user unit.")
-    return width_m / box[2]
+        drawing = _Drawing(root)
+        to_m = _page(root, path, unit_m)
+        box = view_box(root.get("viewBox", ""))
+        size = Size(np.nan, np.nan) if box is None else Size(*box[2:])
+        style = drawing.style(root, {})
+        hidden = style.get("display") == "none" or transparent(style)
+        strokes = [] if hidden else drawing.children(root, _Context(style, size))
+    except (ValueError, RecursionError) as error:
+        reason = "its elements lie too deep in each other" if isinstance(error, RecursionError) else str(error)
+        raise ContractError(
+            f"{path}: {reason}. Convert that to plain visible paths in your drawing program, or remove it."
+        ) from error
+    if not strokes:
+        raise ContractError(f"{path} draws no line: it is empty, or all of it is hidden; show what is to be drawn.")
+    recordings = []
+    for stroke in strokes:
+        placed = _placed([stroke], to_m)[0] * np.array([1.0, -1.0])
+        if not np.isfinite(placed).all():
+            raise ContractError(f"{path} has a transform that is too large; correct it.")
+        recordings.append(recording(session, hand, placed))
+    return recordings
 
 
-def _subpaths(element: ElementTree.Element) -> list[FloatArray]:
-    match element.tag.rpartition("}")[2]:
-        case "path":
-            return flattened(element.get("d", ""))
-        case "line":
-            ends = [float(element.get(name, "0")) for name in ("x1", "y1", "x2", "y2")]
-            return [np.array(ends).reshape(2, 2)]
-        case "polyline" | "polygon" as kind:
-            places = np.array([float(v) for v in _TOKEN.findall(element.get("points", ""))]).reshape(-1, 2)
-            return [np.vstack([places, places[:1]]) if kind == "polygon" else places]
-    return []
+def _page(root: Element, path: Path, unit_m: float | None) -> FloatArray:
+    """The matrix [3, 3] from user units of the outermost `svg` to metres, y down."""
+    if root.get("transform"):
+        raise ValueError("the outermost svg has a transform")
+    if unit_m is not None:
+        return scaled(unit_m, unit_m)
+    sides: dict[str, float] = {}
+    for name in ("width", "height"):
+        if root.get(name, "auto") != "auto":
+            try:
+                sides[name] = length_m(root.get(name, ""))
+            except ValueError as error:
+                raise ContractError(f"{path} has no {name} as a length ({error}). Give unit_m instead.") from error
+    if not sides:
+        raise ContractError(f"{path} has no width as a length in mm. Give unit_m instead.")
+    box = view_box(root.get("viewBox", ""))
+    if box is None or not all(side > 0 for side in sides.values()):
+        raise ContractError(f"{path} has no viewBox or no size; give unit_m, the length of a user unit.")
+    width = sides.get("width", sides.get("height", 0.0) * box[2] / box[3])
+    height = sides.get("height", width * box[3] / box[2])
+    matrix = fitted(box, Size(width, height), root.get("preserveAspectRatio", ""))
+    return scaled(matrix[0, 0], matrix[1, 1])  # places are counted from the origin of the user's units
 
 
-def flattened(d: str) -> list[FloatArray]:
-    """The subpaths [K, 2] of an SVG path's data, in its own units, y down.
+@dataclass(frozen=True)
+class _Context:
+    """What an element has from those around it."""
 
-    Raises:
-        ValueError, IndexError: the data is invalid.
-    """
-    tokens = _TOKEN.findall(d)
-    if re.sub(r"[\s,]", "", d) != "".join(tokens):
-        raise ValueError(f"{d[:40]!r} is not a path's data")
-    paths: list[list[FloatArray]] = []
-    at, control, command, previous, k = np.zeros(2), np.zeros(2), "", "", 0
-    while k < len(tokens):
-        if tokens[k].isalpha():
-            command, k = tokens[k], k + 1
-        elif command in "Zz":
-            raise ValueError(f"a number follows {command or 'nothing'} in {d[:40]!r}")
-        kind = command.upper()
-        numbers = np.array([float(v) for v in tokens[k : k + _NUMBERS.get(kind, -1)]])
-        if kind not in _NUMBERS or len(numbers) < _NUMBERS[kind]:
-            raise ValueError(f"the command {command!r} in {d[:40]!r} is unknown or lacks numbers")
-        k += _NUMBERS[kind]
-        origin = at if command.islower() else np.zeros(2)
-        if kind == "M":
-            at = origin + numbers
-            paths.append([at])
-            command = "l" if command == "m" else "L"
-        elif not paths:
-            raise ValueError(f"{d[:40]!r} does not begin with a move")
-        elif kind == "Z":
-            at = paths[-1][0]
-            paths[-1].append(at)
+    style: Mapping[str, str]
+    size: Size
+    """Of the viewport."""
+    within: tuple[str, ...] = ()
+    """Ids of the elements that `use` repeats here."""
+
+
+class _Drawing:
+    """A drawing whose elements are drawn one in another, each in the coordinates of its parent."""
+
+    def __init__(self, root: Element) -> None:
+        self._by_id = {element.get("id"): element for element in reversed(list(root.iter())) if element.get("id")}
+        self._svg = _NAMESPACE if root.tag.startswith(_NAMESPACE) else ""
+        sheets = ["".join(element.itertext()) for element in root.iter(f"{self._svg}style")]
+        self._sheet = StyleSheet(sheets)
+        self._drawn = 0
+
+    def style(self, element: Element, inherited: Mapping[str, str]) -> Style:
+        return self._sheet.style_of(element, inherited)
+
+    def children(self, element: Element, context: _Context) -> Strokes:
+        return [stroke for child in element for stroke in self._element(child, context)]
+
+    def _element(self, element: Element, context: _Context) -> Strokes:
+        """The strokes [K, 2] of an element and all that it holds."""
+        kind = element.tag.removeprefix(self._svg)
+        if kind.startswith("{") or kind in _NOT_DRAWN:  # elements of other vocabularies are not drawn
+            return []
+        self._drawn += 1
+        if self._drawn > _MAX_ELEMENTS:
+            raise ValueError(f"<use> repeats elements more than {_MAX_ELEMENTS} times")
+        style = self.style(element, context.style)
+        if style.get("display") == "none" or transparent(style):
+            return []
+        try:
+            strokes = self._content(kind, element, replace(context, style=style))
+            self._check_clip(style, strokes, context)
+            return _placed(strokes, transform_of(style))
+        except _Named:
+            raise
+        except ValueError as error:
+            raise _Named(f"{_named(element)}: {error}") from error
+
+    def _content(self, kind: str, element: Element, context: _Context) -> Strokes:
+        """The strokes [K, 2] of a visible element in its own coordinates; ``context`` has its own style."""
+        _refuse_effects(context.style)
+        if kind in _GROUPS:
+            return self.children(element, context)
+        if kind in _SHAPES:
+            seen = context.style.get("visibility", "visible") not in ("hidden", "collapse")
+            if not seen or hidden_paint(context.style):
+                return []
+            if context.style.get("stroke-dasharray", "none") not in ("none", "0"):
+                raise ValueError("its line is dashed")
+            outlines = list(_outlines(kind, element, context.style, context.size))
+            if not all((np.abs(outline) < _LARGEST).all() for outline in outlines):
+                raise ValueError("it has a number that is too large")
+            return outlines + self.children(element, context)
+        if kind == "svg":
+            return self._viewport(element, element, context)
+        if kind == "use":
+            return self._used(element, context)
+        if kind in _TEXT and not "".join(element.itertext()).strip():
+            return []
+        raise ValueError("it is neither a path nor a basic shape")
+
+    def _used(self, element: Element, context: _Context) -> Strokes:
+        name = _reference(element)
+        target = self._by_id.get(name)
+        if target is None:
+            raise ValueError(f"there is no element {name[:60]!r} to repeat")
+        if name in context.within:
+            raise ValueError(f"the element {name[:60]!r} repeats itself")
+        inner = replace(context, within=(*context.within, name))
+        x, y = (length(context.style.get(axis, "0"), whole) for axis, whole in zip("xy", context.size, strict=True))
+        if target.tag.removeprefix(self._svg) == "symbol":
+            style = self.style(target, context.style)
+            if style.get("display") == "none":
+                return []
+            strokes = self._viewport(target, element, replace(inner, style=style))
+            return _placed(_placed(strokes, transform_of(style)), moved(x, y))
+        if target.tag.removeprefix(self._svg) == "svg" and {"width", "height"} & set(context.style):
+            raise ValueError("it gives another size to a nested svg")
+        return _placed(self._element(target, inner), moved(x, y))
+
+    def _viewport(self, element: Element, sized: Element, context: _Context) -> Strokes:
+        """The content of a nested svg or of a symbol; the attributes width and height are those of ``sized``."""
+        own = self.style(sized, {})
+        pairs = zip(("width", "height"), context.size, strict=True)
+        sides = (length(own.get(name, "100%"), whole) for name, whole in pairs)
+        size, box = Size(*sides), view_box(element.get("viewBox", ""))
+        if size.width <= 0 or size.height <= 0:
+            return []
+        if box is None:
+            inside, matrix = size, np.eye(3)
         else:
-            if paths[-1][-1] is not at:  # after Z another subpath begins where the last one ended
-                paths.append([at])
-            reflected = 2 * at - control if previous in ("CS" if kind in "CS" else "QT") and previous else at
-            points, control = _segment(kind, numbers, origin, at, reflected)
-            paths[-1].extend(points)
-            at = paths[-1][-1]
-        previous = kind
-    return [np.array(points) for points in paths if len(points) > 1]
+            inside, matrix = Size(*box[2:]), fitted(box, size, element.get("preserveAspectRatio", ""))
+        strokes = _placed(self.children(element, replace(context, size=inside)), matrix)
+        if context.style.get("overflow", "hidden") not in ("visible", "auto"):
+            margin = _OUTSIDE * max(size)
+            for stroke in strokes:
+                if (stroke < -margin).any() or (stroke > np.array(size) + margin).any():
+                    raise ValueError("its edge cuts a line off")
+        if element is sized:  # a symbol is placed by the `use` that shows it
+            place = (length(own.get(axis, "0"), whole) for axis, whole in zip("xy", context.size, strict=True))
+            return _placed(strokes, moved(*place))
+        return strokes
+
+    def _check_clip(self, style: Mapping[str, str], strokes: Strokes, context: _Context) -> None:
+        """Refuse a clip path that cuts a line off."""
+        clip = style.get("clip-path", "none")
+        if clip == "none" or not strokes:
+            return
+        name = clip.removeprefix("url(").removesuffix(")").strip("\"' ").removeprefix("#")
+        target = self._by_id.get(name) if clip.startswith("url(") else None
+        if (
+            target is None
+            or target.get("clipPathUnits", "userSpaceOnUse") != "userSpaceOnUse"
+            or name in context.within
+        ):
+            raise ValueError(f"the clip path {clip[:60]!r} is not supported")
+        plain = replace(context, style=self.style(target, {}), within=(*context.within, name))
+        shapes = _placed(self.children(target, plain), transform_of(plain.style))
+        if not all(any(_holds(shape, stroke) for shape in shapes) for stroke in strokes):
+            raise ValueError(f"the clip path {clip[:60]!r} cuts a line off")
 
 
-def _segment(
-    kind: str, numbers: FloatArray, origin: FloatArray, at: FloatArray, reflected: FloatArray
-) -> tuple[list[FloatArray], FloatArray]:
-    """Points after ``at``, and the last control point, which a following smooth curve reflects."""
+class _Named(ValueError):
+    """A message that names its element."""
+
+
+def _named(element: Element) -> str:
+    name = f" id={element.get('id')!r}"[:60] if element.get("id") else ""
+    return f"<{element.tag.rpartition('}')[2]}{name}>"
+
+
+def _reference(element: Element) -> str:
+    target = element.get("href", element.get("{http://www.w3.org/1999/xlink}href", ""))
+    if not target.startswith("#"):
+        raise ValueError(f"it repeats {target[:60]!r}, which is not in this file")
+    return target[1:]
+
+
+def _refuse_effects(style: Mapping[str, str]) -> None:
+    for name in ("mask", "filter"):
+        if style.get(name, "none") != "none":
+            raise ValueError(f"the property {name}: {style[name][:60]} is not supported")
+
+
+def _outlines(kind: str, element: Element, style: Mapping[str, str], size: Size) -> Iterator[FloatArray]:
+    """The outlines [K, 2] of a shape in its own coordinates."""
+
+    def value(name: str, whole: float, otherwise: str = "0") -> float:
+        text = style.get(name, otherwise)
+        return length(otherwise if text == "auto" else text, whole)
+
+    width, height = size
     match kind:
-        case "L":
-            return [origin + numbers], at
-        case "H":
-            return [np.array([origin[0] + numbers[0], at[1]])], at
-        case "V":
-            return [np.array([at[0], origin[1] + numbers[0]])], at
-        case "A":
-            return _arc(at, numbers, origin + numbers[5:]), at
-    controls = [origin + pair for pair in numbers.reshape(-1, 2)]
-    if kind in "ST":
-        controls.insert(0, reflected)
-    return _bezier([at, *controls]), controls[-2]
+        case "path":
+            d = style.get("d", "none")
+            if not d.startswith("none"):
+                if d.lstrip().startswith("path("):
+                    raise ValueError("its path is given by a style sheet")
+                yield from flattened(d)
+        case "line":
+            ends = [
+                length(element.get(name, "0"), width if "x" in name else height) for name in ("x1", "y1", "x2", "y2")
+            ]
+            yield np.array(ends).reshape(2, 2)
+        case "polyline" | "polygon":
+            corners = places(element.get("points", ""))
+            if len(corners) > 1:
+                yield np.vstack([corners, corners[:1]]) if kind == "polygon" else corners
+        case "circle":
+            radius = value("r", size.diagonal)
+            if radius > 0:
+                yield ellipse(value("cx", width), value("cy", height), radius, radius)
+        case "ellipse" | "rect":
+            rx, ry = style.get("rx", "auto"), style.get("ry", "auto")
+            rx, ry = (ry if rx == "auto" else rx), (rx if ry == "auto" else ry)  # one radius stands for both
+            radii = [length("0" if r == "auto" else r, whole) for r, whole in ((rx, width), (ry, height))]
+            if kind == "ellipse" and min(radii) > 0:
+                yield ellipse(value("cx", width), value("cy", height), *radii)
+            if kind == "rect":
+                sides = value("width", width), value("height", height)
+                if min(sides) > 0:
+                    yield rectangle(value("x", width), value("y", height), *sides, *radii)
 
 
-def _bezier(controls: list[FloatArray]) -> list[FloatArray]:
-    """Points of a Bézier curve of any degree, without the first."""
-    t = np.linspace(0, 1, _STEPS + 1)[1:, None]
-    degree = len(controls) - 1
-    terms = (math.comb(degree, n) * (1 - t) ** (degree - n) * t**n * place for n, place in enumerate(controls))
-    return list(np.sum(list(terms), axis=0))
+def _placed(strokes: Strokes, matrix: FloatArray) -> Strokes:
+    return [stroke @ matrix[:2, :2].T + matrix[:2, 2] for stroke in strokes]
 
 
-def _arc(start: FloatArray, numbers: FloatArray, end: FloatArray) -> list[FloatArray]:
-    """Points of an elliptical arc, without the first (SVG 1.1, implementation notes F.6)."""
-    rx, ry, turn, large, sweep = abs(numbers[0]), abs(numbers[1]), math.radians(numbers[2]), numbers[3], numbers[4]
-    if rx == 0 or ry == 0 or np.allclose(start, end):
-        return [end]
-    cos, sin = math.cos(turn), math.sin(turn)
-    half = np.array([[cos, sin], [-sin, cos]]) @ (start - end) / 2
-    grow = math.sqrt(max(1.0, (half[0] / rx) ** 2 + (half[1] / ry) ** 2))
-    rx, ry = rx * grow, ry * grow
-    crossed = (rx * half[1]) ** 2 + (ry * half[0]) ** 2
-    root = math.sqrt(max(0.0, (rx * ry) ** 2 / crossed - 1)) * (1 if bool(large) != bool(sweep) else -1)
-    middle = root * np.array([rx * half[1] / ry, -ry * half[0] / rx])
-    first, last = (math.atan2((s * half[1] - middle[1]) / ry, (s * half[0] - middle[0]) / rx) for s in (1, -1))
-    swept = (last - first) % (2 * math.pi)
-    angles = first + np.linspace(0, swept if sweep else swept - 2 * math.pi, _STEPS + 1)[1:]
-    own = np.column_stack([rx * np.cos(angles), ry * np.sin(angles)]) + middle
-    placed = own @ np.array([[cos, sin], [-sin, cos]]) + (start + end) / 2
-    placed[-1] = end
-    return list(placed)
+def _holds(shape: FloatArray, stroke: FloatArray) -> bool:
+    """Whether all points of a stroke lie within a closed shape or on its edge."""
+    x, y = stroke.T[:, :, None]
+    (ax, ay), (bx, by) = shape[:-1].T, shape[1:].T
+    along = np.stack([bx - ax, by - ay])
+    squared = np.maximum((along**2).sum(0), 1e-300)
+    share = np.clip(((x - ax) * along[0] + (y - ay) * along[1]) / squared, 0, 1)
+    distance = np.hypot(x - ax - share * along[0], y - ay - share * along[1]).min(axis=1)
+    crossed = (ay > y) != (by > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beyond = x < ax + (y - ay) * along[0] / along[1]
+    inside = (crossed & beyond).sum(axis=1) % 2 == 1
+    return bool((inside | (distance <= _OUTSIDE * np.ptp(shape))).all())

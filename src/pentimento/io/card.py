@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts import pushes, strokes
 from pentimento.contracts.atomic import atomic_write
-from pentimento.contracts.errors import ContractError
+from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import CheckedTable, read_table
 from pentimento.diagnosis.experiment_design import aliasing_sentences
@@ -44,6 +44,7 @@ from pentimento.io.table_checks import (
 Array = NDArray[np.float64]
 
 NAME = "CARD.md"
+_TITLE = b"# Card of `"
 
 
 class _Content(NamedTuple):
@@ -67,14 +68,17 @@ def write_card(rows: Path, out: Path | None) -> tuple[Path, list[str]]:
 
     Raises:
         ContractError: the rows cannot be read, or there are none.
+        ConfigError: there is a file that is no card.
     """
+    place = out or (rows / NAME if rows.is_dir() else rows.with_suffix(".card.md"))
+    if place.exists() and not (place.is_file() and place.read_bytes().startswith(_TITLE)):
+        raise ConfigError(f"{place} is no data card, and would be replaced; name another file by --out.")
     contract = pushes.CONTRACT if "action" in _columns(rows) else strokes.CONTRACT
     checked = read_table(rows, contract)
     if checked.table.num_rows == 0:
         raise ContractError(f"{rows} holds no rows to describe.")
     content = _of_pushes(checked.table) if contract is pushes.CONTRACT else _of_strokes(checked.table)
     warnings = _warnings(checked, content)
-    place = out or (rows / NAME if rows.is_dir() else rows.with_suffix(".card.md"))
     atomic_write(place, _markdown(rows.name, contract, checked, content, warnings).encode())
     return place, warnings
 

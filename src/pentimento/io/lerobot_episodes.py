@@ -16,8 +16,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ImageError
 from pentimento.contracts.images import decode_image
+from pentimento.contracts.picture_files import PictureError
 from pentimento.io.lerobot_folder import Dataset, read_numbers, rows_by_episode
 from pentimento.io.stroke_rows import Refused
 
@@ -56,17 +56,27 @@ def _decoded(pair: list[Any], shape: list[int]) -> Pair | Refused:
         return Refused("a picture is not embedded in its file")
     try:
         before, after = (decode_image(picture["bytes"], "A picture") for picture in pair)
-    except ImageError:
-        return Refused("a picture is unreadable")
+    except PictureError as error:
+        return Refused(f"a picture is unreadable ({error.reason})")
     if not (_agrees(before.shape, shape) and _agrees(after.shape, shape)):
         return Refused("a picture has another shape than its feature")
     return before, after
 
 
-def video_pairs(
-    file: Path, shape: list[int], fps: float, times_s: list[tuple[float, float]]
-) -> Iterator[Pair | Refused]:
-    """Yield the two nearest pictures for each pair of times in a video (ascending), or the reason why there are none.
+class Span(NamedTuple):
+    """Where an episode lies in its video, by the table."""
+
+    first_s: float
+    """Time of its first frame; likewise of its last one."""
+    last_s: float
+    frames: int
+
+
+def video_pairs(file: Path, shape: list[int], fps: float, spans: list[Span]) -> Iterator[Pair | Refused]:
+    """Yield the first and the last picture of each span of a video (ascending), or the reason why there are none.
+
+    Pictures are found by their own times in the video. Their numbers must agree with these times at the rate ``fps``,
+    and with the number of the episode's frames, and none may be in the episode before it.
 
     Raises:
         Refused: this OpenCV cannot decode the file, or its pictures have another shape.
@@ -84,27 +94,43 @@ def video_pairs(
             )
         if not _agrees((*size, 3), shape):
             raise Refused(f"its video {file.name} has another shape than its feature")
-        for first_s, last_s in times_s:
-            pair = [_at(capture, time_s, 0.5 / fps) for time_s in (first_s, last_s)]
-            before, after = pair
-            yield (
-                (before, after)
-                if before is not None and after is not None
-                else Refused("its video has no picture at its first or last frame")
-            )
+        film, before = _Film(capture), -1
+        for span in spans:
+            first = film.at(span.first_s, 0.5 / fps)
+            start = film.number
+            last = film.at(span.last_s, 0.5 / fps)
+            if first is None or last is None:
+                yield Refused("its video has no picture at its first or last frame")
+            elif film.number - start + 1 != span.frames or start != round(span.first_s * fps):
+                yield Refused("its video shows another number of pictures than it has frames: fps is not the video's")
+            elif start <= before:
+                yield Refused("its first picture in the video is one of another episode")
+            else:
+                yield first, last
+            before = film.number
     finally:
         capture.release()
 
 
-def _at(capture: Any, time_s: float, within_s: float) -> Picture | None:
-    """Read the video forwards to the picture at a time; None where it has none within `within_s`."""
-    while (now_s := capture.get(cv2.CAP_PROP_POS_MSEC) / 1000) < time_s - within_s:
-        if not capture.grab():
+class _Film:
+    """A video that is read forwards."""
+
+    def __init__(self, capture: Any) -> None:
+        """``capture`` has grabbed its first picture."""
+        self._capture = capture
+        self.number = 0
+        """Of the picture, from 0."""
+
+    def at(self, time_s: float, within_s: float) -> Picture | None:
+        """The picture at a time; None where there is none within `within_s`."""
+        while (now_s := self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000) < time_s - within_s:
+            if not self._capture.grab():
+                return None
+            self.number += 1
+        if not now_s <= time_s + within_s:
             return None
-    if not now_s <= time_s + within_s:
-        return None
-    shown, picture = capture.retrieve()
-    return np.ascontiguousarray(picture[..., ::-1]) if shown else None
+        shown, picture = self._capture.retrieve()
+        return np.ascontiguousarray(picture[..., ::-1]) if shown else None
 
 
 def _agrees(shape: tuple[int, ...], expected: list[int]) -> bool:
@@ -175,9 +201,17 @@ def _fault(episode: Episode, frame_index: NDArray[np.float64], length: int) -> s
 
 
 def first_and_last_pictures(
-    dataset: Dataset, camera: str, file: Path, episodes: list[Episode], refused: Reasons
+    dataset: Dataset,
+    camera: str,
+    file: Path,
+    episodes: list[Episode],
+    refused: Reasons,
+    timestamp_s: NDArray[np.float64] | None = None,
 ) -> Iterator[tuple[Episode, Pair]]:
     """Yield the first and the last picture [H, W, 3], sRGB, of each episode of a data file that has them.
+
+    Args:
+        timestamp_s: of each row of the data file, from the episode's start; None or NaN: by the rate of the dataset.
 
     Raises:
         ContractError: the columns that locate the videos are missing.
@@ -199,9 +233,16 @@ def first_and_last_pictures(
         except Refused as reason:
             leave_out(refused, reason, (episode.number for episode in part))
             continue
-        starts = [start_s[episode.place] for episode in part]
-        times_s = [(at, at + (len(e.rows) - 1) / dataset.fps) for at, e in zip(starts, part, strict=True)]
-        yield from _noted(video_pairs(video, shape, dataset.fps, times_s), part, refused)
+        spans = [_span(episode, start_s[episode.place], dataset.fps, timestamp_s) for episode in part]
+        yield from _noted(video_pairs(video, shape, dataset.fps, spans), part, refused)
+
+
+def _span(episode: Episode, start_s: float, fps: float, timestamp_s: NDArray[np.float64] | None) -> Span:
+    frames = len(episode.rows)
+    last_s = (frames - 1) / fps
+    times = np.array([0.0, last_s]) if timestamp_s is None else timestamp_s[episode.rows[[0, -1]]]
+    first_s, last_s = times if np.isfinite(times).all() else (0.0, last_s)
+    return Span(start_s + float(first_s), start_s + float(last_s), frames)
 
 
 def _noted(

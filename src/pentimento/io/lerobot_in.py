@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from pentimento.contracts.atomic import check_replaceable
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import IMAGE
@@ -36,6 +37,7 @@ from pentimento.io.lerobot_folder import (
     open_dataset,
 )
 from pentimento.io.stroke_rows import (
+    COMMAND,
     Imported,
     Placement,
     RecordedPath,
@@ -72,9 +74,11 @@ def import_lerobot(folder: Path, description: Description | None, out: Path) -> 
         description: None for a dataset that was exported from strokes.
 
     Raises:
-        ConfigError: ``description`` is missing, is given for an exported dataset, or names what the dataset lacks.
+        ConfigError: ``description`` is missing, is given for an exported dataset, or names what the dataset lacks; or
+            ``out`` holds what this command did not write.
         ContractError: the dataset cannot be read, or no episode can be used; nothing is written.
     """
+    check_replaceable(out, COMMAND)
     dataset = open_dataset(folder)
     if dataset.exported and description is not None:
         raise ConfigError(f"{folder} was exported from strokes and describes them itself; give --out alone.")
@@ -90,7 +94,7 @@ def import_lerobot(folder: Path, description: Description | None, out: Path) -> 
             f"None of the {dataset.episodes.num_rows} episodes of {folder} can be used: {counted(refused)}."
         )
     name, tools = folder.resolve().name, ", ".join(sorted({str(tool) for tool in table["tool"].to_pylist()}))
-    write_table(out, table, CONTRACT, card(name, tools, table.num_rows, refused))
+    write_table(out, table, CONTRACT, card(name, tools, table.num_rows, refused), command=COMMAND)
     return Imported(table.num_rows, refused)
 
 
@@ -131,7 +135,7 @@ def _episode_rows(dataset: Dataset, description: Description, refused: Reasons) 
             else:
                 leave_out(refused, stroke.fault, [episode.number])
         sound = [episode for episode in episodes if episode.place in strokes]
-        for episode, pair in first_and_last_pictures(dataset, camera, file, sound, refused):
+        for episode, pair in first_and_last_pictures(dataset, camera, file, sound, refused, columns["timestamp"]):
             number = episode.number
             given = {"session": session, "order": number, "action_id": number, "tool": description.tool}
             try:

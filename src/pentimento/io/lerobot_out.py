@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pentimento.contracts.atomic import atomic_folder
+from pentimento.contracts.atomic import check_replaceable, command_folder
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import decode_png, encode_png
 from pentimento.contracts.schema import IMAGE, vector
@@ -40,6 +40,7 @@ from pentimento.io.lerobot_folder import (
 
 FloatArray = NDArray[np.float64]
 
+_COMMAND: Final = "pentimento export"
 _STATE: Final = "observation.state"
 _AXES: Final = ["x", "y", "z", "yaw"]
 _COUNTS: Final = ("frame_index", "episode_index", "index", "task_index")
@@ -87,10 +88,11 @@ def export_lerobot(rows: Path, folder: Path, fps: int) -> Exported:
 
     Raises:
         ContractError: the rows cannot be read, there are none, or one has too many frames at ``fps``.
-        ConfigError: ``fps`` is not above 0.
+        ConfigError: ``fps`` is not above 0, or ``folder`` holds what this command did not write.
     """
     if fps < 1:
         raise ConfigError(f"--fps {fps} is not above 0; write frames a second, such as 30.")
+    check_replaceable(folder, _COMMAND)
     checked = read_table(rows, CONTRACT)
     table = checked.table
     if table.num_rows == 0:
@@ -99,7 +101,7 @@ def export_lerobot(rows: Path, folder: Path, fps: int) -> Exported:
     whole = int(shapes[:, 0].max()), int(shapes[:, 1].max())
     strokes = _strokes(table, fps)
     tasks = list(dict.fromkeys(_task(stroke.row) for stroke in strokes))
-    with atomic_folder(folder) as out:
+    with command_folder(folder, _COMMAND) as out:
         statistics = _write_frames(out, strokes, whole, tasks, fps)
         own = {f"{OWN_PICTURE}{name}": value for name, value in zip(("height", "width"), shapes.T, strict=True)}
         own[f"{OWN_PICTURE}grey"] = grey

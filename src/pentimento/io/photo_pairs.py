@@ -16,6 +16,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -24,13 +25,15 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ContractError, PentimentoError, UnitError
+from pentimento.contracts.atomic import check_replaceable
+from pentimento.contracts.errors import ContractError, ImageError, UnitError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.picture_files import PictureError
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.contracts.units import parse_quantity
 from pentimento.io.stroke_rows import (
+    COMMAND,
     Imported,
     Placement,
     RecordedPath,
@@ -196,21 +199,20 @@ def each_about(strokes: list[RecordedPath]) -> Iterator[str]:
     return iter(dict.fromkeys(name for stroke in strokes for name in stroke.about))
 
 
-_ENDINGS: Final = (".png", ".jpg", ".jpeg")
-
-
 def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: str, out: Path) -> Imported:
     """Write the folder ``out`` as shards of the strokes contract, with a README that counts refused strokes.
 
     Where a stroke has no ``session``, ``order`` or ``action_id``, these are the name of the file ``paths``, the place
     of the stroke in it, and a new action: repeats of one command are known by ``action_id`` only. The photographs
-    ``<stroke>_before.png`` and ``<stroke>_after.png`` are already rectified to ``placement``; each row keeps the part
-    around its path.
+    ``<stroke>_before`` and ``<stroke>_after`` (PNG, JPEG, …) are already rectified to ``placement``; each row keeps
+    the part around its path.
 
     Raises:
         ContractError: the file of paths cannot be read, or no stroke of it can be used; nothing is written.
+        ConfigError: ``out`` holds what this command did not write.
     """
-    strokes = read_paths(paths)
+    check_replaceable(out, COMMAND)
+    strokes, photographs = read_paths(paths), _by_stem(photos)
     rows: list[dict[str, Any]] = []
     refused: dict[str, list[str]] = {}
     first: dict[str, int] = {}
@@ -219,7 +221,7 @@ def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: st
         try:
             if stroke.fault is not None:
                 raise Refused(stroke.fault)
-            before, after = (_photo(photos, f"{stroke.name}_{when}") for when in ("before", "after"))
+            before, after = (_photo(photographs, f"{stroke.name}_{when}") for when in ("before", "after"))
             row = stroke_row(stroke, before, after, placement, given)
             if row["action_id"] in first and len(strokes[first[row["action_id"]]].path) != len(stroke.path):
                 raise Refused("its action_id is that of a stroke with another number of points")
@@ -231,17 +233,36 @@ def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: st
     if not rows:
         raise ContractError(f"None of the {len(strokes)} strokes of {paths} can be used: {counted(refused)}.")
     table = table_of(rows, list(each_about(strokes)))
-    write_table(out, table, CONTRACT, card(paths.name, tool, len(rows), refused))
+    write_table(out, table, CONTRACT, card(paths.name, tool, len(rows), refused), command=COMMAND)
     return Imported(len(rows), refused)
 
 
-def _photo(folder: Path, stem: str) -> NDArray[np.uint8]:
-    found = next((folder / f"{stem}{end}" for end in _ENDINGS if (folder / f"{stem}{end}").is_file()), None)
-    if found is None:
-        raise Refused(f"there is no photograph {'before' if stem.endswith('_before') else 'after'} it")
+_ENDINGS: Final = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+
+
+def _by_stem(folder: Path) -> dict[str, list[Path]]:
+    """The pictures of a folder by their names without endings.
+
+    Endings may be upper-case, as cameras write them. Letters with accents are composed (NFC), since some systems store
+    names decomposed.
+    """
+    found: dict[str, list[Path]] = {}
+    for file in sorted(folder.iterdir()) if folder.is_dir() else []:
+        if file.suffix.lower() in _ENDINGS and file.is_file():
+            found.setdefault(unicodedata.normalize("NFC", file.stem), []).append(file)
+    return found
+
+
+def _photo(photographs: dict[str, list[Path]], stem: str) -> NDArray[np.uint8]:
+    found = photographs.get(unicodedata.normalize("NFC", stem), [])
+    when = "before" if stem.endswith("_before") else "after"
+    if not found:
+        raise Refused(f"there is no photograph {when} it")
+    if len(found) > 1:
+        raise Refused(f"there are several photographs {when} it")
     try:
-        return read_image(found)
+        return read_image(found[0])
     except PictureError as error:
         raise Refused(f"a photograph is unreadable ({error.reason})") from error
-    except PentimentoError as error:
+    except ImageError as error:
         raise Refused("a photograph is unreadable") from error

@@ -73,6 +73,7 @@ class Placement(NamedTuple):
         return turned
 
 
+COMMAND: Final = "pentimento import"
 _MARGIN_M: Final = 0.012
 """Width of the paper around a stroke's path in its pictures."""
 

@@ -166,13 +166,15 @@ def place(context: StrokeContext) -> dict[str, float]:
     """``x_m``, ``y_m``: the middle of all strokes; ``half_m``: half the extent over which they lie.
 
     Raises:
-        NotObservable: all strokes lie at one place.
+        NotObservable: all strokes lie at one place, or their places are unknown.
     """
     xy = context.path[..., 1:3].mean(-2).flatten(0, -2)
     low, high = xy.amin(0), xy.amax(0)
     half = float((high - low).max()) / 2
     if in_own_frames(context):
         raise NotObservable("the strokes' places on the canvas are unknown")
+    if half < _ONE_POINT_M:
+        raise NotObservable("all strokes lie at one place")
     return {"x_m": float(low[0] + high[0]) / 2, "y_m": float(low[1] + high[1]) / 2, "half_m": half}
 
 
