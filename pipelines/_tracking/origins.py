@@ -9,6 +9,8 @@ from typing import NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pentimento.contracts.tables import parquet_files
+
 SOURCE, LICENCE = "source:", "licence:"
 """Prefixes of a run's tags, by the name of what it read."""
 _COLUMNS = ["source", "licence"]
@@ -57,7 +59,7 @@ def origins_of(path: Path) -> list[Origin]:
 
 
 def _of_rows(path: Path) -> list[Origin]:
-    files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
+    files = parquet_files(path)
     counted: Counter[tuple[str, str]] = Counter()
     for file in files:
         if file.suffix != ".parquet" or not set(_COLUMNS) <= set(pq.read_schema(file).names):

@@ -10,6 +10,8 @@ items whose mean it is are the steps of the curve `items.x`.
 
 import json
 import os
+import posixpath
+import re
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -49,6 +51,17 @@ _PARAMS_A_BATCH = 100  # MLflow's limit
 _PARAM_LENGTH = 6000  # MLflow's limit
 
 
+_NAME_LENGTH = 250  # MLflow's limit
+
+
+def stored_name(name: str) -> str:
+    """Return a name of a metric, parameter or tag as MLflow's store takes it: other letters become `_`."""
+    safe = re.sub(r"[^\w.\- :/]", "_", name)[:_NAME_LENGTH]
+    if posixpath.normpath(safe) != safe or safe.startswith(("/", "..")):  # a path that leaves its folder
+        safe = re.sub(r"/|^\.+", "_", safe)
+    return safe
+
+
 @dataclass
 class Run:
     """The run of a stage's execution, to which the stage logs."""
@@ -60,12 +73,17 @@ class Run:
     metrics: dict[str, Any] = field(default_factory=dict)
     """The metrics given to `log_metrics`, nested."""
     _pending: list["Metric"] = field(default_factory=list)
+    _names: dict[str, str] = field(default_factory=dict)
+    """Of curves, by their names in the store."""
 
     def log(self, name: str, value: float, step: int | None = None) -> None:
         """Add one point to the curve `name` (`step` defaults to 0, a single value)."""
         from mlflow.entities import Metric
 
-        self._pending.append(Metric(name, float(value), int(time.time() * 1000), step or 0))
+        stored = stored_name(name)
+        while self._names.setdefault(stored, name) != name:  # two names that differ only in letters that are replaced
+            stored += "_"
+        self._pending.append(Metric(stored, float(value), int(time.time() * 1000), step or 0))
         if len(self._pending) >= _FLUSH_AT:
             self.flush()
 
@@ -97,7 +115,7 @@ class Run:
 
     def tag(self, name: str, value: str) -> None:
         """Set a tag of the run."""
-        self._client.set_tag(self.id, name, value)
+        self._client.set_tag(self.id, stored_name(name), value)
 
     def log_picture(self, path: Path) -> None:
         """Keep a copy of a picture with the run."""
@@ -115,7 +133,9 @@ class Run:
         child = self._client.create_run(parent.info.experiment_id, run_name=name, tags=own_tags | dict(tags))
         now = int(time.time() * 1000)
         points = [
-            Metric(metric, float(value), now, step) for metric, curve in curves.items() for step, value in curve.items()
+            Metric(stored_name(metric), float(value), now, step)
+            for metric, curve in curves.items()
+            for step, value in curve.items()
         ]
         self._client.log_batch(child.info.run_id, metrics=points)
         self._client.set_terminated(child.info.run_id, "FINISHED")
@@ -245,7 +265,8 @@ def _describe(
     """Log parameters, inputs and their origins. A continued run has equal ones (see `_key`)."""
     from mlflow.entities import Dataset, DatasetInput, InputTag, Param, RunTag
 
-    flat = [Param(name, str(value)[:_PARAM_LENGTH]) for name, value in flatten(params).items()]
+    values = {stored_name(name): str(value)[:_PARAM_LENGTH] for name, value in flatten(params).items()}
+    flat = [Param(name, value) for name, value in values.items()]
     for first in range(0, len(flat), _PARAMS_A_BATCH):
         client.log_batch(run_id, params=flat[first : first + _PARAMS_A_BATCH])
     datasets = [
@@ -257,7 +278,7 @@ def _describe(
     ]
     if datasets:
         client.log_inputs(run_id, datasets=datasets)
-        client.log_batch(run_id, tags=[RunTag(name, value) for name, value in origin_tags(inputs).items()])
+        client.log_batch(run_id, tags=[RunTag(stored_name(name), value) for name, value in origin_tags(inputs).items()])
 
 
 def _tags(stage: str, item: str | None) -> dict[str, str]:

@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.contracts import copaintings, demonstrations, pushes, scenes, strokes, tables
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.tables import read_table, write_shards, write_table
+from pentimento.contracts.tables import is_index, read_table, write_shards, write_table
 
 CONTRACT = strokes.CONTRACT
 
@@ -186,3 +186,20 @@ def test_measured_strokes_keep_the_contract() -> None:
         assert "far_ink_px" in checked.table.column_names  # a covariate
         rows += checked.table.num_rows
     assert rows >= 1000
+
+
+@pytest.mark.parametrize("name", ["__index_level_0__", "Unnamed: 0", "index", ""])
+def test_a_column_that_numbers_the_rows_is_no_covariate(tmp_path: Path, name: str) -> None:
+    table = strokes.example_table(6)
+    rows = list(range(6))
+    wet = pa.array([0.1, 0.2, 0.3, 0.1, 0.2, 0.3])
+    pq.write_table(table.append_column(name, pa.array(rows)).append_column("humidity", wet), tmp_path / "t.parquet")
+    assert read_table(tmp_path / "t.parquet", strokes.CONTRACT).table.column_names[-1] == "humidity"
+    assert is_index(name, [7, 3, 5]) and not is_index(name, [1, 1, 2]) and not is_index(name, [0.5, 1.0])
+    assert not is_index("humidity", rows) and not is_index(name, ["a", "b"])
+
+
+def test_hidden_files_are_no_shards(tmp_path: Path) -> None:
+    pq.write_table(strokes.example_table(3), tmp_path / "part-00000.parquet")
+    (tmp_path / "._part-00000.parquet").write_bytes(b"of macOS")
+    assert read_table(tmp_path, strokes.CONTRACT).table.num_rows == 3

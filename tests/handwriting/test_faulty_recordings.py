@@ -177,3 +177,25 @@ def test_lines_of_quickdraw_end_at_line_feeds_only(tmp_path: Path) -> None:
     path.write_text(json.dumps({"drawing": [[[0, 100], [0, 50], [0, 0.04]]]}))  # seconds
     with pytest.raises(ContractError, match="in milliseconds"):
         read_source(source)
+
+
+def test_names_of_writers_can_name_files(tmp_path: Path) -> None:
+    for hand in ("Anna (left)", "O'Neil", "李", "J. Smith", "a;b"):
+        assert Source("a.json", "tablet", "s", hand, None, None).hand == hand
+    for hand in (
+        "",
+        " ",
+        "a/b",
+        "a\\b",
+        "..",
+        ".anna",
+        "a\nb",
+        "anna ",
+        "x" * 81,
+        "map",
+        "strokes",
+        "nobody",
+        "bezier",
+    ):
+        with pytest.raises(ValueError, match=r"hand is .*; it names files"):
+            Source("a.json", "tablet", "s", hand, None, None)

@@ -56,6 +56,27 @@ def test_card_of_pushes_is_written(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "12 pushes of ball" in text and "`adhesion_lift`" in text and "depth (mm)" in text
 
 
+def test_card_of_one_stroke_names_what_it_cannot_show(tmp_path: Path) -> None:
+    one = strokes.example_table(1)
+    for table, reason in ((one, "all strokes lie at one place"), (pa.concat_tables([one, one]), "canvas are unknown")):
+        text, warnings = carded(table, tmp_path)
+        assert f"{table.num_rows} rows are few" in " ".join(warnings)
+        (line,) = (line for line in text.splitlines() if line.startswith("- `canvas_tilt`"))
+        assert reason in line
+    pq.write_table(pushes.example_table(1), tmp_path / "push.parquet")
+    assert any("1 rows are few" in line for line in write_card(tmp_path / "push.parquet", None)[1])
+
+
+def test_a_card_replaces_only_a_card(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pq.write_table(pushes.example_table(3), tmp_path / "rows.parquet")
+    (tmp_path / "notes.md").write_text("mine")
+    given = ["card", str(tmp_path / "rows.parquet"), "--out"]
+    assert main([*given, str(tmp_path / "notes.md")]) == 1 and main([*given, str(tmp_path)]) == 1
+    assert "is no data card, and would be replaced" in capsys.readouterr().err
+    assert (tmp_path / "notes.md").read_text() == "mine"
+    assert main([*given, str(tmp_path / "card.md")]) == 0 and main([*given, str(tmp_path / "card.md")]) == 0
+
+
 def test_card_names_an_unreadable_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["card", str(tmp_path / "nowhere.parquet")]) == 1
     assert "nowhere.parquet" in capsys.readouterr().err

@@ -88,6 +88,20 @@ def test_photographs_are_read_as_they_look(tmp_path: Path) -> None:
     assert imported.refused == {"a photograph is unreadable (colour mode CMYK)": ["s0"]}
 
 
+@pytest.mark.parametrize("name", ["", "Unnamed: 0", "index"])
+def test_a_column_that_numbers_the_points_is_passed_over(tmp_path: Path, name: str) -> None:
+    paths = record(tmp_path, 2)
+    first, *lines = paths.read_text().splitlines()
+    rows = [f"{name},{first}", *(f"{number},{line}" for number, line in enumerate(lines))]
+    imported = import_photo_pairs(written(tmp_path, rows), tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 2 and not imported.refused
+    empty = [f"{first},,", *(f"{line},," for line in lines)]
+    assert import_photo_pairs(written(tmp_path, empty), tmp_path / "photos", PLACE, "quill", tmp_path / "e").rows == 2
+    notes = [f"{first},", *(f"{line},wet" for line in lines)]
+    with pytest.raises(ContractError, match="2 × a column has no name"):
+        import_photo_pairs(written(tmp_path, notes), tmp_path / "photos", PLACE, "quill", tmp_path / "notes")
+
+
 def test_y_down_and_scale_give_equal_rows(tmp_path: Path) -> None:
     upright = record(tmp_path, 4)
     lines = upright.read_text().splitlines()

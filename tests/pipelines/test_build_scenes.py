@@ -52,6 +52,19 @@ def test_a_local_data_set_is_taken_in_and_what_is_bad_is_counted(stage_folder: P
     assert "CC0-1.0" in (out / "README.md").read_text()
 
 
+def test_the_reason_why_a_picture_is_left_out_may_have_any_letters(stage_folder: Path) -> None:
+    images = []
+    for picture in (Image.new("RGB", (40, 40), (200, 30, 30)), Image.new("I;16", (40, 40), 700)):
+        stream = io.BytesIO()
+        picture.save(stream, "PNG")
+        images.append({"bytes": stream.getvalue(), "path": None})
+    pq.write_table(pa.table({"image": images, "caption": ["a red square", "heights"]}), stage_folder / "given.parquet")
+    imported = {"path": str(stage_folder / "given.parquet"), "source": "given", "licence": "CC0-1.0", "side_px": 32}
+    imported |= {"val_share": 0.0, "test_share": 0.0, "max_scenes": 10, "seed": 0}
+    metrics = json.loads((run(stage_folder, imported) / "metrics.json").read_text())
+    assert metrics["quarantined"] == {"all": 1, "colour mode I;16": 1}
+
+
 def test_named_things_are_painted_and_drawn_with_a_pen(stage_folder: Path) -> None:
     named = {
         "scenes": 12, "side_px": 32, "val_share": 0.2, "test_share": 0.3, "pen_share": 0.0, "wordings": 2,

@@ -37,6 +37,36 @@ def unfinished() -> list[Path]:
     return list(Path(".pentimento/runs").iterdir())
 
 
+def test_names_that_the_store_refuses_are_made_safe(client: Any) -> None:
+    names = [
+        "Anna (left)",
+        "Anna [left]",
+        "O'Neil",
+        "colour mode I;16",
+        "a&b+c,d",
+        "100 %",
+        "é",
+        "a//b",
+        "/c",
+        "../d",
+        "e/",
+    ]
+    with tracked_run("paint", None, {"of": {"O'Neil": "x", "a/../b": 1}}, {}) as run:
+        run.log_metrics({"hands": {name: number for number, name in enumerate(names)}})
+        for name in names:
+            run.log(name, 1.0)
+            run.log_under(name)("loss", 2.0, 3)
+            run.tag(name, "tagged")
+        run.log_items("hand's", ["a"], [0.5])
+        run.log_child("part", {"O'Neil": {0: 1.0}}, {})
+    kept = client.get_run(run.id).data
+    assert kept.metrics["hands.Anna _left_"] == 0 and kept.metrics["hands.Anna _left__"] == 1
+    assert kept.metrics["hands.colour mode I_16"] == 3 and kept.metrics["hands.é"] == 6
+    assert kept.metrics["items.hand_s"] == 0.5 and "items.hand_s" in kept.tags
+    assert sum(name.startswith("hands.") for name in kept.metrics) == len(names)
+    assert kept.params["of.O_Neil"] == "x"
+
+
 def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any, store: Path) -> None:
     Path("strokes").mkdir()
     Path("strokes/part").write_text("x")

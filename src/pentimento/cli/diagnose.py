@@ -35,7 +35,9 @@ def _kind_of(rows: Path) -> str:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    files = sorted(rows.glob("*.parquet")) if rows.is_dir() else [rows]
+    from pentimento.contracts.tables import parquet_files
+
+    files = parquet_files(rows)
     try:
         columns = pq.read_schema(files[0]).names if files else []
     except (OSError, pa.ArrowException):

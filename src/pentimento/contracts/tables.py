@@ -7,8 +7,9 @@ recording is wrong. A writer accepts none.
 
 import hashlib
 import math
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -72,19 +73,20 @@ def write_shards(folder: Path, table: pa.Table, contract: TableContract) -> None
 
 
 def read_table(path: Path, contract: TableContract) -> CheckedTable:
-    """Read one Parquet file, or all `*.parquet` in a folder by name, and check them against a contract.
+    """Read one Parquet file, or all visible `*.parquet` in a folder by name, and check them against a contract.
 
-    Integer and float widths are cast; other columns (covariates) are kept as they are.
+    Integer and float widths are cast; other columns (covariates) are kept as they are, except those that only number
+    the rows (`is_index`).
 
     Raises:
         ContractError: nothing to read, a required column missing, a column of a wrong type, or too many
             bad rows (with counts per reason).
     """
     path = Path(path)
-    files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
+    files = parquet_files(path)
     if not files:
         raise ContractError(f"Folder {path} holds no *.parquet file; make the table of {contract.name} first.")
-    parts = [_cast(_read_parquet(file), contract, str(file)) for file in files]
+    parts = [_cast(_without_index(_read_parquet(file), contract), contract, str(file)) for file in files]
     try:
         table = pa.concat_tables(parts, promote_options="permissive")
     except pa.ArrowException as error:
@@ -94,6 +96,35 @@ def read_table(path: Path, contract: TableContract) -> CheckedTable:
         return CheckedTable(table, ())
     bad = {q.row for q in quarantined}
     return CheckedTable(table.take([i for i in range(table.num_rows) if i not in bad]), quarantined)
+
+
+def parquet_files(path: Path) -> list[Path]:
+    """A Parquet file, or those in a folder by name, without hidden ones (`._part.parquet`, which macOS writes)."""
+    return sorted(visible(path.glob("*.parquet"))) if path.is_dir() else [path]
+
+
+def visible(files: Iterable[Path]) -> Iterator[Path]:
+    """The files whose names do not begin with a dot."""
+    return (file for file in files if not file.name.startswith("."))
+
+
+_UNNAMED: Final = re.compile(r"|unnamed: \d+|__index_level_\d+__")
+_INDEX_NAMES: Final = ("index", "level_0", "row", "row_id", "rowid", "row_nr", "id")
+
+
+def is_index(name: str, values: Sequence[Any]) -> bool:
+    """Whether a column only numbers the rows, as data frames write it beside the data: it is no covariate.
+
+    Its name is empty or one that pandas or polars gives, and its values are different whole numbers.
+    """
+    lower = name.strip().lower()
+    if _UNNAMED.fullmatch(lower) is None and lower not in _INDEX_NAMES:
+        return False
+    try:
+        numbers = [float(value) for value in values]
+    except (TypeError, ValueError):
+        return False
+    return all(number.is_integer() for number in numbers) and len(set(numbers)) == len(numbers)
 
 
 def _quarantine(table: pa.Table, contract: TableContract, where: str) -> tuple[Quarantined, ...]:
@@ -137,6 +168,16 @@ def _read_parquet(file: Path) -> pa.Table:
             return opened.read()
     except (OSError, pa.ArrowException) as error:
         raise ContractError(f"{file} cannot be read as Parquet: {error}. Check the path or copy it again.") from error
+
+
+def _without_index(table: pa.Table, contract: TableContract) -> pa.Table:
+    others = [name for name in table.column_names if contract.column(name) is None]
+    numbers = [name for name in others if _numeric(table.schema.field(name).type)]
+    return table.drop_columns([name for name in numbers if is_index(name, table.column(name).to_pylist())])
+
+
+def _numeric(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
 
 
 def _cast(table: pa.Table, contract: TableContract, where: str) -> pa.Table:

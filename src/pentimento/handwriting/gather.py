@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +20,10 @@ from pentimento.handwriting.motion_capture import C3D, OptiTrack, read_c3d, read
 from pentimento.handwriting.recording import PRESSURE, Recording, standardise
 from pentimento.handwriting.repair import Limits, Repaired, repair_all
 from pentimento.handwriting.svg_paths import read_svg
+
+_NAME: Final = re.compile(r"(?![.\s])[^/\\\x00-\x1f\x7f]{1,80}(?<!\s)")
+_TAKEN: Final = ("bezier", "blank", "map", "nobody", "strokes", "target")
+"""Names of other things among the files and metrics of writers."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,11 @@ class Source:
     """For that format."""
 
     def __post_init__(self) -> None:
+        if _NAME.fullmatch(self.hand) is None or self.hand in _TAKEN:
+            raise ValueError(
+                f"hand is {self.hand!r}; it names files: 1 to 80 characters without slashes, no dot at its beginning, "
+                f"no space at its ends, and none of {', '.join(_TAKEN)}."
+            )
         if self.unit_m is not None and not 0 < self.unit_m <= 1:
             raise ValueError(
                 f"unit_m is {self.unit_m}; it is the length of the file's unit in metres, above 0, up to 1."

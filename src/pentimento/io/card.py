@@ -15,7 +15,7 @@ from pentimento.contracts import pushes, strokes
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import TableContract
-from pentimento.contracts.tables import CheckedTable, read_table
+from pentimento.contracts.tables import CheckedTable, parquet_files, read_table
 from pentimento.diagnosis.experiment_design import aliasing_sentences
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.problem import observable_causes
@@ -85,7 +85,7 @@ def write_card(rows: Path, out: Path | None) -> tuple[Path, list[str]]:
 
 def _columns(rows: Path) -> list[str]:
     """Return the columns of the first shard; none for an unreadable one, whose reader reports the error."""
-    files = sorted(rows.glob("*.parquet")) if rows.is_dir() else [rows]
+    files = parquet_files(rows)
     try:
         return list(pq.read_schema(files[0]).names) if files else []
     except (OSError, pa.ArrowException):

@@ -23,6 +23,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.picture_files import MAX_PIXELS
 from pentimento.contracts.schema import IMAGE
 from pentimento.contracts.strokes import CONTRACT
+from pentimento.contracts.tables import visible
 from pentimento.io.stroke_rows import Refused
 
 VERSION: Final = "v3.0"
@@ -242,7 +243,7 @@ def _file(folder: Path, template: str, chunk: int, number: int, camera: str) -> 
 
 
 def _episodes(folder: Path) -> pa.Table:
-    files = sorted((folder / "meta/episodes").glob("*/*.parquet"))
+    files = sorted(visible((folder / "meta/episodes").glob("*/*.parquet")))
     if not files:
         raise ContractError(f"{folder}/meta/episodes holds no */*.parquet, which lists the episodes; copy it again.")
     try:

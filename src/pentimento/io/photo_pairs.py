@@ -30,7 +30,7 @@ from pentimento.contracts.errors import ContractError, ImageError, UnitError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.picture_files import PictureError
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.contracts.tables import write_table
+from pentimento.contracts.tables import is_index, write_table
 from pentimento.contracts.units import parse_quantity
 from pentimento.io.stroke_rows import (
     COMMAND,
@@ -73,16 +73,23 @@ def read_paths(path: Path) -> list[RecordedPath]:
     if not lines:
         raise ContractError(f"{path} is empty; its first line names the columns, such as stroke,t_s,x_mm,y_mm,z_mm.")
     header = [name.strip() for name in lines[0]]
-    if len(set(header)) < len(header):
+    if len(set(header) - {""}) < len(header) - header.count(""):
         raise ContractError(f"{path} has two columns of one name among {', '.join(header)}; rename one.")
     numbers, stroke = _number_columns(header, path), _stroke_column(header, path)
-    others = [at for at in range(len(header)) if at != stroke and at not in {column.at for column in numbers.values()}]
+    named = {stroke, *(column.at for column in numbers.values())}
+    others = [at for at in range(len(header)) if at not in named and not _is_index(header[at], at, lines[1:])]
     strokes = {
         name: _recorded(name, rows, header, numbers, others) for name, rows in _by_stroke(lines[1:], stroke).items()
     }
     if not strokes:
         raise ContractError(f"{path} has a header and no points; record some strokes.")
     return list(strokes.values())
+
+
+def _is_index(name: str, at: int, lines: list[list[str]]) -> bool:
+    """Whether a column only numbers the points, or is an empty one without a name."""
+    values = [line[at].strip() if at < len(line) else "" for line in lines if line]
+    return is_index(name, values) or not (name or any(values))
 
 
 def _number_columns(header: list[str], path: Path) -> dict[str, _Column]:
@@ -137,6 +144,8 @@ def _recorded(
         return RecordedPath(name, empty, {}, "a point is not all numbers")
     about: dict[str, Any] = {}
     for at in others:
+        if not header[at]:
+            return RecordedPath(name, path, {}, "a column has no name")
         values = {row[at].strip() for row in rows}
         if len(values) > 1:
             return RecordedPath(name, path, {}, f"{header[at]} changes within the stroke")

@@ -99,6 +99,69 @@ def test_imports_coco_and_image_folder_layouts(tmp_path: Path) -> None:
     assert found.table.column("caption").to_pylist() == ["a red one"]
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["a.png", "b_train.png", "train c.png", "d.png", "e.png"],
+        ["train/a.png", "test/b.png", "validation/c.png", "eval/d.JPG", "e.png"],
+        ["test/a.png", "test/b.png"],
+    ],
+)
+@pytest.mark.parametrize("kind", ["csv", "jsonl", "parquet"])
+def test_every_picture_of_a_folder_is_used_whatever_it_is_called(tmp_path: Path, names: list[str], kind: str) -> None:
+    for name in [*names, "left over.png", "deep/er.png", "._hidden.png"]:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(picture())
+    (tmp_path / f"._metadata.{kind}").write_bytes(b"\0\5\x16\7")  # as macOS writes
+    rows = [{"file_name": name, "text": f"picture {number}"} for number, name in enumerate([*names, "gone.png"])]
+    metadata = tmp_path / f"metadata.{kind}"
+    if kind == "csv":
+        lines = [f"{row['file_name']},{row['text']}" for row in rows]
+        metadata.write_text("\n".join(["file_name,text", *lines]), encoding="utf-8-sig")
+    elif kind == "jsonl":
+        metadata.write_text("\n".join(json.dumps(row) for row in rows))
+    else:
+        pq.write_table(pa.Table.from_pylist(rows), metadata)
+    found = import_scenes(config(tmp_path), blank)
+    captions = [f"picture {number}" for number in range(len(names))]
+    assert found.table.column("caption").to_pylist() == captions
+    assert found.quarantined == {"missing picture": 1, "empty caption": 2}
+
+
+def test_metadata_in_each_folder_and_parquet_beside_hidden_files(tmp_path: Path) -> None:
+    for split in ("train", "test"):
+        (tmp_path / "pictures" / split).mkdir(parents=True)
+        (tmp_path / "pictures" / split / "p.png").write_bytes(picture())
+        metadata = json.dumps({"file_name": "p.png", "captions": [split, "both"]})
+        (tmp_path / "pictures" / split / "metadata.jsonl").write_text(metadata)
+    found = import_scenes(config(tmp_path / "pictures"), blank)
+    assert found.table.column("captions").to_pylist() == [["test", "both"], ["train", "both"]]
+    (tmp_path / "hub/data").mkdir(parents=True)
+    for split in ("train", "test"):
+        parquet(tmp_path / f"hub/data/{split}-00000-of-00001.parquet", [(picture(), split)])
+    (tmp_path / "hub/data/._train-00000-of-00001.parquet").write_bytes(b"of macOS")
+    found = import_scenes(config(tmp_path / "hub"), blank)
+    assert found.table.column("caption").to_pylist() == ["test", "train"]
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ('{"file_name": "../a.png", "text": "x"}', "which is not in"),
+        ('{"file_name": null, "text": "x"}', "names the picture ''"),
+        ('{"text": "x"}', "lacks file_name"),
+        ('{"file_name": "a.png"}', "lacks file_name or one of captions, caption, text"),
+        ("[1]", "lacks file_name"),
+        ("{", "cannot be read"),
+    ],
+)
+def test_metadata_that_name_no_picture_are_refused(tmp_path: Path, line: str, sentence: str) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder/metadata.jsonl").write_text(line)
+    with pytest.raises(ContractError, match=sentence):
+        import_scenes(config(tmp_path / "folder"), blank)
+
+
 def test_rejects_unsupported_import_layouts(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="holds no captioned pictures"):
         import_scenes(config(tmp_path), blank)

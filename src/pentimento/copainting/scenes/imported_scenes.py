@@ -1,23 +1,27 @@
 """Captioned pictures from a local folder or Parquet file, converted to the `scenes` contract.
 
 Three layouts are supported: a folder in COCO's layout (`annotations/captions_*.json` beside folders of pictures), an
-image folder of `datasets` (pictures beside `metadata.csv` or `metadata.jsonl` with `file_name` and `caption` or
-`text`), and Parquet with an image column and `caption`, `captions` or `text`. Nothing is downloaded. Unusable pictures
-are left out and counted by reason.
+image folder as for `datasets` (pictures beside or below `metadata.csv`, `.jsonl` or `.parquet` with `file_name` and
+`caption`, `captions` or `text`), and Parquet with an image column and one of these. Nothing is downloaded. Every
+picture is used, or left out and counted by reason; names such as `train` and `test` mean nothing, because the split is
+drawn anew.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from unicodedata import normalize
 
 import cv2
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, ContractError
@@ -26,6 +30,7 @@ from pentimento.contracts.picture_files import PictureError, decode_picture
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.contracts.scenes import CONTRACT, split_of
 from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.tables import parquet_files, visible
 
 MAX_CHARACTERS: Final = 2_000
 """Of a caption. The rest is cut off, because text encoders read the first few dozen tokens only."""
@@ -150,12 +155,14 @@ def _items(path: Path) -> Iterator[_Item]:
             for file in annotations:
                 yield from _coco(path, file)
             return
-        if sorted(path.glob("*.parquet")):
-            yield from _parquet(sorted(path.glob("*.parquet")))
+        listed = sorted(file for name in _METADATA for file in path.rglob(name))
+        if listed:
+            yield from _image_folder(path, listed)
             return
-        if any(path.rglob("metadata.csv")) or any(path.rglob("metadata.jsonl")) or any(path.rglob("metadata.parquet")):
-            yield from _image_folder(path)
-            return
+        for folder in (path, path / "data"):  # as on the Hugging Face Hub
+            if folder.is_dir() and (files := parquet_files(folder)):
+                yield from _parquet(files)
+                return
     elif path.suffix == ".parquet" and path.is_file():
         yield from _parquet([path])
         return
@@ -181,16 +188,45 @@ def _coco(root: Path, file: Path) -> Iterator[_Item]:
         yield _Item(name, found.read_bytes() if found else None, captions.get(number, []))
 
 
-def _image_folder(root: Path) -> Iterator[_Item]:
-    """Items by `datasets`, which reads the metadata and finds each picture without decoding it."""
-    import datasets
+_METADATA: Final = ("metadata.csv", "metadata.jsonl", "metadata.parquet")
+_PICTURES: Final = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif")
+_CAPTIONS: Final = ("captions", "caption", "text")
 
+
+def _image_folder(root: Path, listed: list[Path]) -> Iterator[_Item]:
+    """Every picture of the folder, whatever its subfolders are called: those that metadata name, then all others."""
+    named: set[Path] = set()
+    for file in listed:
+        for row in _metadata_rows(file):
+            name = str(row.get("file_name") or "")
+            text = next((row[column] for column in _CAPTIONS if column in row), None)
+            place = (file.parent / name).resolve()
+            if not name or not place.is_relative_to(root.resolve()):
+                raise ContractError(f"{file} names the picture {name[:80]!r}, which is not in {root}; correct it.")
+            place = next((p for form in ("NFC", "NFD") if (p := Path(normalize(form, str(place)))).is_file()), place)
+            named.add(place)
+            captions = text if isinstance(text, list) else [text]
+            data = place.read_bytes() if place.is_file() else None
+            yield _Item(place.name, data, [str(caption) for caption in captions if caption is not None])
+    for file in sorted(visible(root.rglob("*"))):
+        if file.suffix.lower() in _PICTURES and file.is_file() and file.resolve() not in named:
+            yield _Item(file.name, file.read_bytes(), [])
+
+
+def _metadata_rows(file: Path) -> list[dict[str, Any]]:
     try:
-        found = datasets.load_dataset("imagefolder", data_dir=str(root), split="train")
-    except (ValueError, datasets.exceptions.DatasetGenerationError) as error:
-        reason = " ".join(str(error.__cause__ or error).split())
-        raise ContractError(f"{root} is no image folder that can be read: {reason}.") from error
-    yield from _rows(found, str(root))
+        if file.suffix == ".parquet":
+            rows = pq.read_table(file).to_pylist()
+        elif file.suffix == ".csv":
+            with file.open(encoding="utf-8-sig", newline="") as opened:
+                rows = list(csv.DictReader(opened))
+        else:
+            rows = [json.loads(line) for line in file.read_text(encoding="utf-8-sig").split("\n") if line.strip()]
+    except (OSError, ValueError, csv.Error, pa.ArrowException) as error:
+        raise ContractError(f"{file} cannot be read ({' '.join(str(error).split())}); save it again.") from error
+    if not all(isinstance(row, dict) and "file_name" in row and any(name in row for name in _CAPTIONS) for row in rows):
+        raise ContractError(f"{file} lacks file_name or one of {', '.join(_CAPTIONS)}.")
+    return rows
 
 
 def _parquet(files: list[Path]) -> Iterator[_Item]:
@@ -203,7 +239,7 @@ def _rows(found: Any, where: str) -> Iterator[_Item]:
     import datasets
 
     names = found.column_names
-    text = next((name for name in ("captions", "caption", "text") if name in names), None)
+    text = next((name for name in _CAPTIONS if name in names), None)
     if text is None or "image" not in names:
         raise ContractError(
             f"{where} has the columns {', '.join(names)}; needed are image and one of captions, caption, text."
