@@ -62,7 +62,7 @@ def test_diagnose_finds_ink_depletion_in_the_example_strokes(
     assert verdict["established"][0]["parameters"]["density_loss"]["value"] > 0
     assert verdict["gap_closed"]["shifted"] > 0.3
     printed = capsys.readouterr()
-    assert verdict["sentence"] in printed.out and "report.html" in printed.out
+    assert verdict["text"] in printed.out and "report.html" in printed.out
     assert printed.err == ""  # no terminal: nothing but the verdict
 
 
@@ -79,7 +79,7 @@ def test_diagnose_reports_missing_columns_and_still_decides(tmp_path: Path, caps
     verdict = json.loads((tmp_path / "out/verdict.json").read_text())
     assert verdict["rows"] == 35 and verdict["mse"]["floor"] is None and verdict["gap_closed"]["test"] is None
     for said in ("floor is unknown", "speeds are unknown", "ink_depletion", "row 7"):
-        assert said in verdict["sentence"]
+        assert said in verdict["text"]
     assert all(np.isnan(pq.read_table(tmp_path / "out/next_actions.parquet")["path"][0].as_py())[:, 0])
     capsys.readouterr()
 
@@ -181,12 +181,11 @@ def test_collected_strokes_distinguish_rivals_of_a_raster(
     rows = collect.collect_strokes(guarded, tool, config, lambda *_: None)
     table = pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
     assert run(table, tmp_path, "--collect", "2", "--world", str(tmp_path / "fade.toml")) == 0
-    first, *rest = capsys.readouterr().out.splitlines()
-    assert "Not told apart by this table: ink_depletion from canvas_tilt." in first
-    assert rest[0].startswith("Round 1: 16 strokes to separate ")
+    first, _, second = capsys.readouterr().out.partition("Round 1: 16 strokes to separate ")
+    assert "Not told apart by this table: ink_depletion from canvas_tilt.\n" in first and second
     verdict = json.loads((tmp_path / "out/verdict.json").read_text())
     assert [(entry["cause"], entry["rivals"]) for entry in verdict["established"]] == [("ink_depletion", [])]
-    assert verdict["rows"] == 70 and "16 of the strokes were collected as proposed, in 1 round." in verdict["sentence"]
+    assert verdict["rows"] == 70 and "16 of the strokes were collected as proposed, in 1 round." in verdict["text"]
     assert read_table(tmp_path / "out/strokes", CONTRACT).table.num_rows == 70
 
 

@@ -30,7 +30,7 @@ VERDICT: dict[str, Any] = {
     "gap_closed": {"test": 0.94, "ci": [0.9, 0.98], "shifted": None},
     "unexplained": [],
     "floor_reached": True,
-    "sentence": "Established: ink_depletion & nothing else.",
+    "text": "Established: ink_depletion & nothing else.",
 }  # fmt: skip
 
 
@@ -60,7 +60,7 @@ def test_section_has_the_verdict_and_figures_of_each_tool(folder: Path) -> None:
 
 
 def test_verdict_without_causes_has_no_table() -> None:
-    nothing = VERDICT | {"established": [], "sentence": "No known cause is established."}
+    nothing = VERDICT | {"established": [], "text": "No known cause is established."}
     html = diagnoses_section([DiagnosisInputs("marker", nothing, {})], Album())
     assert "No known cause" in html and "<table" not in html and "<img" not in html
 

@@ -40,7 +40,7 @@ def write(folder: Path) -> None:
     scores = {"l_3d_mm2": 0.0123, "l_viz": 0.004}
     model = {"held_out": {name: scores for name in ("model", "mean_footprint", "unchanged")}, "floor": scores}
     (folder / "gap").mkdir()
-    (folder / "gap/verdict.json").write_text(json.dumps({"sentence": "Springback & <nothing> else."}))
+    (folder / "gap/verdict.json").write_text(json.dumps({"text": "Springback & <nothing> else."}))
     (folder / "metrics_of_model").mkdir()
     (folder / "metrics_of_model/metrics.json").write_text(json.dumps(model))
     (folder / "metrics_of_model/held_out.png").write_bytes(encode_png(PICTURE))

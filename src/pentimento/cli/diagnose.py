@@ -59,7 +59,7 @@ def _diagnose_pushes(arguments: argparse.Namespace) -> None:
     write_push_diagnosis(
         checked.table, arguments.out, arguments.seed, log=_progress, outside=outside, left_out=_left_out(checked)
     )
-    print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
+    print(json.loads((arguments.out / "verdict.json").read_text())["text"])
     print(f"The report is {arguments.out / 'report.html'}.")
 
 
@@ -72,7 +72,7 @@ def _diagnose_problem(arguments: argparse.Namespace) -> None:
     found = diagnose(problem, seed=arguments.seed, log=_progress)
     content = verdict(found)
     atomic_write(arguments.out / "verdict.json", (json.dumps(content, indent=1) + "\n").encode())
-    print(content["sentence"])
+    print(content["text"])
     print(f"The verdict is {arguments.out / 'verdict.json'}.")
 
 
@@ -127,7 +127,7 @@ def _diagnose_strokes(arguments: argparse.Namespace) -> None:
             left_out=" ".join(notes) or None,
             given=given,
         )
-        print(json.loads((arguments.out / "verdict.json").read_text())["sentence"])
+        print(json.loads((arguments.out / "verdict.json").read_text())["text"])
         return found
 
     if arguments.collect:

@@ -25,9 +25,9 @@ _LARGEST_SIGNATURE_Z = 8.0
 """The same of a fitted quantity."""
 FEATURES = (
     "discovery_z", "confirmation_z", "log_share", "share_z", "votes", "form_z", "signature_z", "unnamed", "rival",
-    "log_beside", "log_misfit", "log_base_misfit",
+    "log_beside", "log_misfit",
 )  # fmt: skip
-AGAINST = ("form_z", "unnamed", "rival", "log_misfit", "log_base_misfit")
+AGAINST = ("form_z", "unnamed", "rival", "log_misfit")
 """Those that speak against a cause; the others speak for it."""
 
 
@@ -44,7 +44,6 @@ def features(evidence: Evidence) -> Array:
         z(evidence.discovery_z), z(evidence.confirmation_z), log(evidence.share, 1e-4), z(evidence.share_z),
         evidence.votes, z(evidence.form_z), z(evidence.signature_z, _LARGEST_SIGNATURE_Z), min(evidence.unnamed, 2.0),
         min(evidence.rival, 2.0), log(evidence.beside, 1e-3), -log(1 / max(evidence.misfit, 1.0), 1e-2),
-        -log(1 / max(evidence.base_misfit, 1.0), 1e-2),
     ])  # fmt: skip
 
 

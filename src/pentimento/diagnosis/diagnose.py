@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pentimento.diagnosis.decision import Decision, default_decision
 from pentimento.diagnosis.evaluation import SMALLEST_GAP, Floor, fraction_of_gap, mean_gain
-from pentimento.diagnosis.evidence import Evidence, Examined, evidence_for, misfit
+from pentimento.diagnosis.evidence import Evidence, Examined, evidence_for
 from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.problem import M, Problem, columns_of
 from pentimento.diagnosis.residual_structure import Structure, find_structure
@@ -158,16 +158,14 @@ def decide(
     discovery = known.pick(rows)
     model = search(discovery, discovery.fit(()), rule, seed=seed, log=log, min_share=rule.large_share)
     candidates = [name for name in known.causes if name not in model.causes]
-    fitted = known.fit(model.causes, model)
-    base_misfit = misfit(known, fitted)
-    known, predict_residual = known.learn_residual(fitted, candidates)
+    known, predict_residual = known.learn_residual(known.fit(model.causes, model), candidates)
     discovery = known.pick(rows)
     model = discovery.fit(model.causes, model)
     model = search(discovery, model, rule, seed=seed, log=log, min_share=rule.small_share)
     gap = above_floor(known, known.fit(()))
     examined: dict[str, Examined] = {}
     while True:
-        now = evidence_for(known, model, confirmation, rule, gap=gap, base_misfit=base_misfit, seed=seed)
+        now = evidence_for(known, model, confirmation, rule, gap=gap, seed=seed)
         examined |= now
         probability = {name: decision.probability(e.evidence) for name, e in now.items() if known.causes[name].named}
         worst = min(probability, key=lambda name: probability[name], default=None)

@@ -48,8 +48,6 @@ class Evidence(NamedTuple):
     """Its share beside that of the strongest cause of the model, 1 for the strongest."""
     misfit: float
     """Error of the model over the noise floor; 1 where the floor is unknown."""
-    base_misfit: float
-    """The same of the model of all large causes before the learned residual: how far the base is from this material."""
 
 
 class Examined(NamedTuple):
@@ -61,14 +59,7 @@ class Examined(NamedTuple):
 
 
 def evidence_for(
-    problem: Problem[M],
-    model: M,
-    confirmation: Array,
-    rule: DecisionRule,
-    *,
-    gap: float,
-    base_misfit: float,
-    seed: int,
+    problem: Problem[M], model: M, confirmation: Array, rule: DecisionRule, *, gap: float, seed: int
 ) -> dict[str, Examined]:
     """Evidence for each cause of a model.
 
@@ -78,12 +69,13 @@ def evidence_for(
         confirmation: whether an action belongs to the confirmation split, bool[n].
         rule: limits.
         gap: error of the base above the floor.
-        base_misfit: error over the noise floor without the learned residual.
         seed: of folds.
     """
     fitted = problem.fit(model.causes, model)
     statistics = problem.linearise(model, ())
-    spread, misfit_of_all = covariance(problem.linearise(fitted, ())), misfit(problem, fitted)
+    spread = covariance(problem.linearise(fitted, ()))
+    losses, floor = problem.losses(fitted), problem.floor(fitted)
+    misfit = float(losses.mean()) / floor.mse if floor and floor.mse > 0 else 1.0
     found: dict[str, Examined] = {}
     for name in model.causes:
         cause, columns = problem.causes[name], columns_of(problem, model, name)
@@ -111,8 +103,7 @@ def evidence_for(
             unnamed=_best_curve(problem, without, cause, seed) / own,
             rival=max([0.0, *(float((before - losses).mean()) for losses in rivals.values())]) / own,
             beside=1.0,
-            misfit=misfit_of_all,
-            base_misfit=base_misfit,
+            misfit=misfit,
         )
         as_good = tuple(
             other
@@ -124,12 +115,6 @@ def evidence_for(
     return {
         name: e._replace(evidence=e.evidence._replace(beside=e.evidence.share / largest)) for name, e in found.items()
     }
-
-
-def misfit(problem: Problem[M], model: M) -> float:
-    """Error of a model over the noise floor; 1 where the floor is unknown."""
-    floor = problem.floor(model)
-    return float(problem.losses(model).mean()) / floor.mse if floor and floor.mse > 0 else 1.0
 
 
 def _z(values: Array) -> float:

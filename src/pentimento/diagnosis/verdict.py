@@ -1,17 +1,27 @@
-"""The verdict of a diagnosis: numbers, evidence and one paragraph (schema 2, docs/diagnosis.md §13)."""
+"""The verdict of a diagnosis: numbers, evidence and a text (schema 2, docs/diagnosis.md §13)."""
 
 from __future__ import annotations
 
+import io
+import json
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pentimento.contracts.atomic import atomic_write
 from pentimento.diagnosis.diagnose import Finding, Result
-from pentimento.diagnosis.problem import M
+from pentimento.diagnosis.problem import Cause, M, Quantity
 
 SCHEMA = 2
+VERDICT = "verdict.json"
 NEXT_ACTIONS = "next_actions.parquet"
 """File with the proposed actions."""
+_ZERO = 1e-6
+"""Share of its typical size below which a quantity is said to be 0."""
 
 
 def verdict(
@@ -46,8 +56,8 @@ def verdict(
         "gap_closed": {"test": closed and closed[0], "ci": closed and list(closed[1]), "shifted": shifted},
         "unexplained": [left._asdict() for left in result.structure.unexplained],
         "floor_reached": None if floor is None else floor.interval[0] <= extended <= floor.interval[1],
-        "sentence": " ".join(
-            [sentence(result), *_of_a_given_model(result, given_mse), *_on_an_outside_table(shifted), *notes]
+        "text": "\n".join(
+            [text(result), *_of_a_given_model(result, given_mse), *_on_an_outside_table(shifted), *notes]
         ),
     }
     if given_mse is not None:
@@ -58,6 +68,29 @@ def verdict(
         }  # fmt: skip
     known: dict[str, Any] = _without_nan(content)
     return known
+
+
+def write_result(
+    out: Path, *, page: Mapping[str, bytes], actions: pa.Table, model: Mapping[str, Any], content: Mapping[str, Any]
+) -> None:
+    """Write a diagnosis into the folder ``out``: each file is complete or absent, and the verdict is the last.
+
+    Args:
+        out: created if it is missing; other files in it stay.
+        page: ``report.html`` and figures, by path.
+        actions: the proposed actions.
+        model: the extended model, as JSON.
+        content: of ``verdict.json``.
+    """
+    parquet = io.BytesIO()
+    pq.write_table(actions, parquet, compression="zstd")
+    files = {**page, NEXT_ACTIONS: parquet.getvalue(), "extended_model.json": _json(model), VERDICT: _json(content)}
+    for name, data in files.items():
+        atomic_write(out / name, data)
+
+
+def _json(content: Mapping[str, Any]) -> bytes:
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
 
 
 def _entry(finding: Finding) -> dict[str, Any]:
@@ -72,41 +105,48 @@ def _entry(finding: Finding) -> dict[str, Any]:
     }
 
 
-def sentence(result: Result[M]) -> str:
-    """The verdict as one paragraph."""
-    base, extended, floor = result.base_losses.mean(), result.extended_losses.mean(), result.floor
-    parts = [f"On the test split the base model has an error of {base:.3g} (mean squared, {result.known.unit})."]
-    if result.established:
-        named = "; ".join(_named(finding, floor is not None) for finding in result.established)
-        parts.append(f"Established: {named}. With that the error is {extended:.3g}.")
-    else:
-        parts.append("No known cause is established.")
-    if result.suspected:
-        named = "; ".join(_named(finding, floor is not None) for finding in result.suspected)
-        parts.append(f"Suspected: {named}.")
-    if floor is None:
-        parts.append("No action is repeated often enough, so the noise floor is unknown.")
-    else:
-        parts.append(f"The noise floor, from repeated actions, is {floor.mse:.3g}.")
-        if result.gap_closed is not None and result.established:
-            parts.append(f"{result.gap_closed[0]:.0%} of the gap above it is closed.")
+def text(result: Result[M]) -> str:
+    """The verdict in words: a line for each named cause, the errors, and what is left."""
+    gap = "gap" if result.floor is not None else "error"
+    lines = [
+        f"{status}: {_named(finding, result.known.causes[finding.cause], gap)}"
+        for status, findings in (("Established", result.established), ("Suspected", result.suspected))
+        for finding in findings
+    ]
+    if not result.established:
+        lines.insert(0, "No known cause is established.")
+    lines.append(_errors(result))
     if result.structure.unexplained:
-        parts.append(_structured(result))
+        lines.append(_structured(result))
     else:
         if drift := result.drift:
-            parts.append(
+            lines.append(
                 f"Temporal drift: {drift.mode} drifts in the order of execution (error {drift.mse:.3g}), and no "
                 "recorded covariate correlates with it."
             )
-        if floor is not None and extended > floor.interval[1]:
-            parts.append("Gap above the floor, cause not observable in what was recorded.")
-    parts += _not_observable(result.known.unobservable)
+        if result.floor is not None and result.extended_losses.mean() > result.floor.interval[1]:
+            lines.append("Gap above the floor, cause not observable in what was recorded.")
+    lines += _not_observable(result.known.unobservable)
     findings = (*result.established, *result.suspected)
     rivals = [(finding.cause, rival) for finding in findings for rival in finding.rivals]
     if rivals:
         pairs = ", ".join(f"{cause} from {rival}" for cause, rival in rivals)
-        parts.append(f"Not told apart by this table: {pairs}.")
-    return " ".join(parts)
+        lines.append(f"Not told apart by this table: {pairs}.")
+    return "\n".join(lines)
+
+
+def _errors(result: Result[M]) -> str:
+    errors = [f"{result.base_losses.mean():.3g} of the base model"]
+    if result.established:
+        errors.append(f"{result.extended_losses.mean():.3g} with the established causes")
+    if result.floor is not None:
+        errors.append(f"{result.floor.mse:.3g} at the noise floor, from repeated actions")
+    sentences = [f"Errors on the test split (mean squared, {result.known.unit}): {', '.join(errors)}."]
+    if result.floor is None:
+        sentences.append("No action is repeated often enough, so the noise floor is unknown.")
+    elif result.gap_closed is not None and result.established:
+        sentences.append(f"{result.gap_closed[0]:.0%} of the gap is closed.")
+    return " ".join(sentences)
 
 
 def _structured(result: Result[M]) -> str:
@@ -121,10 +161,21 @@ def _structured(result: Result[M]) -> str:
     return f"Structured residual: {mode} depends on {covariate}; no {known} cause explains it."
 
 
-def _named(finding: Finding, floor_known: bool) -> str:
-    numbers = ", ".join(f"{name} {value:.3g} ± {error:.1g}" for name, (value, error) in finding.values.items())
-    removes = f"removes {finding.gain:.0%} of the {'gap' if floor_known else 'error'}"
-    return f"{finding.cause} (probability {finding.probability:.3g}; {numbers}; {removes})"
+def _named(finding: Finding, cause: Cause, gap: str) -> str:
+    sizes = [_size(q, *finding.values[q.name]) for q in cause.quantities]
+    probability = f"probability {finding.probability:.3g}"
+    return f"{finding.cause} ({probability}): {', '.join(sizes)}; removes {finding.gain:.0%} of the {gap}."
+
+
+def _size(quantity: Quantity, value: float, error: float) -> str:
+    """A quantity with its standard error, lengths in mm: ``x −0.101 ± 0.01 mm``."""
+    name, factor, unit = quantity.name, 1.0, quantity.unit
+    if unit == "m" or unit.startswith(("m ", "m/")):
+        name, factor, unit = name.removesuffix("_m"), 1e3, f"m{unit}"
+    if max(abs(value), error) < _ZERO * quantity.typical:
+        return f"{name} 0"
+    unit = unit.removeprefix("1").replace("/", " per ").strip()
+    return f"{name} {factor * value:.3g} ± {factor * error:.1g} {unit}".replace("-", "−").strip()
 
 
 def _not_observable(reasons: Mapping[str, str]) -> list[str]:

@@ -55,7 +55,7 @@ def _values(inputs: DiagnosisInputs) -> dict[str, Any]:
     return {
         "name": inputs.tool,
         "figures": inputs.figures,
-        "sentence": verdict["sentence"],
+        "text": verdict["text"],
         "rows": _cause_rows(verdict),
         "actions": verdict["actions"],
         "base": verdict["mse"]["base"],

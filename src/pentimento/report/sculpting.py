@@ -50,7 +50,7 @@ def read_sculpture(material: str, folder: Path, weights: Path, gap: Path) -> Scu
         lapse = (folder / "time_lapse.gif").read_bytes()
         model = json.loads((weights / "metrics.json").read_text(encoding="utf-8"))
         held_out = (weights / "held_out.png").read_bytes()
-        verdict = str(json.loads((gap / "verdict.json").read_text(encoding="utf-8"))["sentence"])
+        verdict = str(json.loads((gap / "verdict.json").read_text(encoding="utf-8"))["text"])
     except (OSError, ValueError, AttributeError, KeyError, TypeError) as error:
         raise ContractError(
             f"{folder}, {weights} and {gap} hold no sculpture with its push model and diagnosis ({error}); run the "

@@ -47,7 +47,7 @@ def test_command_detects_pushes_by_columns(out: Path) -> None:
     assert verdict["schema"] == 2 and verdict["kind"] == "pushes" and verdict["actions"] == 16
     assert {"extended_model.json", "next_actions.parquet", "report.html", "figures"} <= {p.name for p in out.iterdir()}
     page = (out / "report.html").read_text()
-    assert verdict["sentence"].split(".")[0] in page and "data:image/png" in page
+    assert verdict["text"].splitlines()[0] in page and "data:image/png" in page
 
 
 def test_command_rejects_stroke_options_for_pushes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

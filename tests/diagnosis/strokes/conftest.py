@@ -21,7 +21,7 @@ FOUND = Finding(
     gain=0.41,
     gain_interval=(0.2, 0.6),
     values={"distance_m": (0.0042, 0.0003)},
-    evidence=Evidence(4.0, 2.5, 0.4, 4.0, 0.8, 0.5, 9.0, 0.1, 0.2, 1.0, 1.1, 1.3),
+    evidence=Evidence(4.0, 2.5, 0.4, 4.0, 0.8, 0.5, 9.0, 0.1, 0.2, 1.0, 1.1),
     rivals=("latency",),
     mse_without=4e-4,
 )

@@ -35,7 +35,7 @@ def test_page_is_valid_and_loads_nothing(files: dict[str, bytes]) -> None:
 def test_page_contains_the_verdict_and_left_out_rows(written: Written, files: dict[str, bytes]) -> None:
     page = files["report.html"].decode()
     assert page.count("Row 56 (counted from 0) is an exact copy") == 1
-    assert verdict(written.result)["sentence"].split(".")[0] in page
+    assert verdict(written.result)["text"].splitlines()[0] in page
 
 
 def test_every_figure_is_also_a_file(files: dict[str, bytes]) -> None:

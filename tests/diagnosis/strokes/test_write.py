@@ -37,7 +37,7 @@ def test_writes_every_file(written: Written) -> None:
 def test_copied_row_is_left_out_and_reported(written: Written) -> None:
     verdict = json.loads((written.folder / "verdict.json").read_text())
     assert verdict["rows"] == 56
-    assert "Row 56 (counted from 0) is an exact copy" in verdict["sentence"]
+    assert "Row 56 (counted from 0) is an exact copy" in verdict["text"]
     assert any("copy" in line for line in written.lines)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,17 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pentimento.contracts.atomic import atomic_write
 from pentimento.diagnosis.diagnose import diagnose, gap_closed_on
 from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, MeasuredPushes, cropped, measure
 from pentimento.diagnosis.pushes.next_pushes import as_table, proposal_for, screen
 from pentimento.diagnosis.pushes.page import build_page
 from pentimento.diagnosis.pushes.problem import PushResult, push_problem, with_learned_residual
-from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict
+from pentimento.diagnosis.verdict import verdict, write_result
 from pentimento.dynamics.pushes.analytic import model_as_json
 from pentimento.dynamics.pushes.analytic_correction import Correction, split_hidden
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
@@ -78,14 +74,13 @@ def write_push_diagnosis(
     screening = screen(result)
     proposal = proposal_for(result, screening, seed)
     content = verdict(result, shifted=shifted, notes=notes)
-    files = build_page(result, screening, proposal, content)
-    parquet = io.BytesIO()
-    pq.write_table(as_table(proposal), parquet, compression="zstd")
-    files[NEXT_ACTIONS] = parquet.getvalue()
-    files["extended_model.json"] = _json(model_as_json(result.extended.model, measured.scene.half_width_m))
-    files["verdict.json"] = _json(content)
-    for name, data in files.items():
-        atomic_write(out / name, data)
+    write_result(
+        out,
+        page=build_page(result, screening, proposal, content),
+        actions=as_table(proposal),
+        model=model_as_json(result.extended.model, measured.scene.half_width_m),
+        content=content,
+    )
     return result
 
 
@@ -93,10 +88,6 @@ def usable(table: pa.Table, half_width_m: float | None = None) -> tuple[Measured
     """The pushes of a table, and sentences on repairs and left-out rows."""
     samples, repairs = load_pushes(table, PIXELS_PER_M)
     return measure(samples, half_width_m), repairs.sentences()
-
-
-def _json(content: object) -> bytes:
-    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
 
 
 class ValidatedCorrection(NamedTuple):

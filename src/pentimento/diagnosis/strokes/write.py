@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.diagnose import diagnose
@@ -21,7 +18,7 @@ from pentimento.diagnosis.strokes.out_of_distribution import evaluate_baseline, 
 from pentimento.diagnosis.strokes.problem import StrokeResult, stroke_problem
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.strokes.report import build_page
-from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict
+from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict, write_result
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.simulation import NotObservable
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
@@ -79,14 +76,13 @@ def write_diagnosis(
     proposal = proposal_for(result, seen, seed)
     beside = None if given is None else evaluate_baseline(given, seen.test)
     content = verdict(result, shifted=shifted, notes=notes, given_mse=beside and beside.mse)
-    files = build_page(result, seen, proposal, content, beside)
-    parquet = io.BytesIO()
-    pq.write_table(as_table(proposal, measured), parquet, compression="zstd")
-    files[NEXT_ACTIONS] = parquet.getvalue()
-    files["extended_model.json"] = _json(model_as_json(result.extended.model, paints_of(measured)))
-    files["verdict.json"] = _json(content)
-    for name, data in files.items():
-        atomic_write(out / name, data)
+    write_result(
+        out,
+        page=build_page(result, seen, proposal, content, beside),
+        actions=as_table(proposal, measured),
+        model=model_as_json(result.extended.model, paints_of(measured)),
+        content=content,
+    )
     return result
 
 
@@ -94,10 +90,6 @@ def _usable(table: pa.Table, whose: str) -> tuple[Measured, list[str]]:
     """The strokes of a table, and sentences on what was left out."""
     sound = usable_rows(table)
     return load_measured(sound.table), [whose + line for line in sound.sentences()]
-
-
-def _json(content: object) -> bytes:
-    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
 
 
 def diagnose_in_rounds(
