@@ -137,7 +137,7 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
     if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
         raise ContractError(
             f"{len(bad)} of {table.num_rows} rows of the pushes table cannot be used ({row_list(list(bad))}): "
-            f"{reason_list(bad)}. At most 1 % of the rows is left out: record them again, or take them out."
+            f"{reason_list(bad)}. Record them again or take them out; at most 1 % of the rows is left out."
         )
     samples = _stacked(list(loaded.values()), table.take(list(loaded)))
     tilted = sum(sample.tilted for sample in loaded.values())
