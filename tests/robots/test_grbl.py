@@ -142,7 +142,7 @@ def test_a_servo_that_a_reset_would_press_on_the_paper_is_refused(up: int, down:
 
 @contextmanager
 def resetting(**simulation: object) -> Iterator[tuple[SimulatedGrbl, Rig]]:
-    """A board that starts anew when its port is opened, as an Arduino does."""
+    """A board that starts again when its port is opened, as an Arduino does."""
     grbl = SimulatedGrbl(hurry=200.0, boots_s=0.3, **simulation)  # type: ignore[arg-type]
     try:
         yield grbl, plotter_rig(grbl.port)
@@ -169,7 +169,7 @@ def test_a_reset_at_opening_is_noticed_and_the_person_asked_to_put_the_pen_to_it
         again.close()
 
 
-def test_whoever_does_not_confirm_is_asked_again_at_the_next_opening() -> None:
+def test_a_person_who_does_not_confirm_is_asked_again_at_the_next_opening() -> None:
     def nobody(request: str) -> None:
         raise EOFError(request)
 

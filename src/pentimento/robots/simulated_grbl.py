@@ -59,7 +59,7 @@ class SimulatedGrbl:
     Time runs `hurry` times as fast as real time. `offset_mm` is the work coordinates' origin in the machine's. The
     settings 110 to 112 limit the rates of the axes, and 22=1 asks for a homing after each start.
 
-    With `boots_s` the board starts anew, for so long, whenever its port is opened, unless it was closed with HUPCL
+    With `boots_s` the board starts again, for so long, whenever its port is opened, unless it was closed with HUPCL
     cleared: it takes the place where it stands for its zero, as an Arduino does.
     """
 
