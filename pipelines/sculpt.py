@@ -25,7 +25,7 @@ from pentimento.dynamics.pushes.analytic_correction import corrected
 from pentimento.dynamics.pushes.push_model import planned_members, read_push_model
 from pentimento.goals3d.evaluation import LetterClassifier, classify_sculpture, goal_errors
 from pentimento.goals3d.shading import photograph
-from pentimento.goals3d.sources import relief_of
+from pentimento.goals3d.sources import Up, relief_of
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.goal import GoalFit, fit_goal
 from pentimento.planning.pushes.plan import PushPlan, plan
@@ -49,6 +49,8 @@ class Wanted:
     """letter:<text>, shape:<name>, or a file; see `goals3d.sources`."""
     depth_m: float
     """Depth of its lowest point below the clay's mean height; a later goal must be deeper than an earlier one."""
+    up: Up | None = None
+    """Of a mesh: its axis that points up. Null is z, but an OBJ needs it."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,9 @@ def _goal(wanted: Wanted, height: Array, setting: Setting, robot: SculptingRobot
     soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
     depth_model = None if setting.depth_model is None else Path(setting.depth_model)
     shape = (height.shape[0], height.shape[1])
-    relief = relief_of(wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth_model=depth_model)
+    relief = relief_of(
+        wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth_model=depth_model, up=wanted.up
+    )
     return fit_goal(relief, height, replace(sculpting.fit, depth_m=wanted.depth_m))
 
 

@@ -10,6 +10,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import (
     canvas_to_pixel,
     canvas_to_stroke,
+    coarsening,
     crop,
     image_shape,
     pixel_to_canvas,
@@ -138,3 +139,11 @@ def test_bad_windows_are_refused(window: tuple[float, ...]) -> None:
 def test_a_window_below_one_pixel_hints_at_units() -> None:
     with pytest.raises(ContractError, match="millimetres"):
         image_shape((0.0, 0.0, 0.0003, 0.0002), 1000.0)
+
+
+def test_images_of_one_scale_are_averaged_by_one_factor() -> None:
+    noisy = 960 * (1 + 1e-6 * np.array([-1, 1, 0, -0.5]))
+    assert coarsening(noisy, 640).tolist() == [2, 2, 2, 2]
+    assert coarsening([500, np.nan, 1000, 1004, 250], 250).tolist() == [2, 1, 4, 4, 1]
+    assert coarsening([500, 300], np.inf).tolist() == [1, 1]
+    assert coarsening([], 100).tolist() == []

@@ -45,6 +45,39 @@ def test_rejects_text_without_marks_and_unknown_font(text: str, family: str, mes
         letter_relief(text, 32, family=family)
 
 
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("山", "CJK UNIFIED IDEOGRAPH-5C71"),
+        ("A山", "CJK"),
+        ("ب", "ARABIC LETTER BEH"),
+        ("क", "DEVANAGARI LETTER KA"),
+        ("ก", "THAI CHARACTER KO KAI"),
+        ("א", "HEBREW LETTER ALEF"),
+        ("😀", "GRINNING FACE"),
+        ("A\n", "U\\+000A"),
+        ("A\u200b", "ZERO WIDTH SPACE"),
+        ("\ue000", "U\\+E000"),
+    ],
+)
+def test_a_character_that_the_font_lacks_is_refused_by_name(text: str, name: str) -> None:
+    with pytest.raises(GoalError, match=f"DejaVu Serif has no character .*{name}"):
+        letter_relief(text, 32)
+
+
+@pytest.mark.parametrize("text", ["", "  ", "\u00a0", "\u2003"])
+def test_text_without_a_mark_is_refused(text: str) -> None:
+    with pytest.raises(GoalError, match="no letter to sculpt"):
+        letter_relief(text, 32)
+
+
+def test_letters_of_other_scripts_accents_and_dollars_are_drawn() -> None:
+    for text in ("Ж", "Ω", "é", "$"):
+        assert drawn(text).max() == 1
+    np.testing.assert_array_equal(drawn("e\u0301"), drawn("é"))
+    assert not np.array_equal(drawn("$A$"), drawn("A"))  # no formula
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_shapes_are_symmetric(name: str) -> None:
     shape = shape_relief(name, 40)

@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
+from pentimento.contracts.errors import ImageError
 from pentimento.contracts.height_maps import encode_height_png
 from pentimento.goals3d.sources import depth_relief, height_file_relief, mesh_relief, plain_relief, relief_of, top_of
 from pentimento.planning.pushes.goal import GoalError
@@ -24,6 +26,48 @@ def test_reads_heights_from_png_and_npy(tmp_path: Path) -> None:
     units, _ = height_file_relief(tmp_path / "ramp.png")
     np.testing.assert_allclose(units, RAMP / 1e-6, atol=0.51)
     assert holes == 0
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_black_ground_of_a_height_file_is_its_lowest_height(tmp_path: Path, suffix: str) -> None:
+    frame = np.zeros((32, 32), np.uint16)
+    frame[8:24, 8:24] = 60_000
+    frame[12:20, 12:20] = 30_000
+    cv2.imwrite(str(tmp_path / f"frame{suffix}"), frame)
+    heights, holes = height_file_relief(tmp_path / f"frame{suffix}")
+    np.testing.assert_array_equal(heights, frame)
+    assert holes == 0
+    relief = relief_of(str(tmp_path / f"frame{suffix}"), (32, 32), 1.0, soften_px=0)
+    np.testing.assert_array_equal(relief, frame)
+
+
+def test_holes_that_are_filled_are_told(tmp_path: Path) -> None:
+    holed = RAMP.astype(np.float32)
+    holed[5:8, 10:12] = np.nan
+    np.save(tmp_path / "holed.npy", holed)
+    Image.fromarray(holed).save(tmp_path / "holed.tif")
+    for name in ("holed.npy", "holed.tif"):
+        told: list[str] = []
+        relief = relief_of(str(tmp_path / name), RAMP.shape, 1.0, soften_px=0, tell=told.append)
+        assert "6 of 384 heights were not measured" in told[0]
+        assert np.abs(relief - RAMP).max() <= RAMP[0, 1] - RAMP[0, 0]
+
+
+def test_sixteen_bits_of_colour_or_alpha_are_refused(tmp_path: Path) -> None:
+    for channels in (3, 4):
+        cv2.imwrite(str(tmp_path / "deep.png"), np.zeros((8, 8, channels), np.uint16))
+        with pytest.raises(ImageError, match="save heights as 16-bit grey without alpha, a picture as 8-bit"):
+            relief_of(str(tmp_path / "deep.png"), (8, 8), 1.0, soften_px=0)
+
+
+def test_grey_of_8_bits_is_a_height_map_on_request(tmp_path: Path) -> None:
+    grey = np.arange(0, 256, 4, dtype=np.uint8).reshape(8, 8)
+    cv2.imwrite(str(tmp_path / "grey.png"), grey)
+    relief = relief_of(f"heights:{tmp_path / 'grey.png'}", (8, 8), 1.0, soften_px=0)
+    np.testing.assert_array_equal(relief, grey)
+    cv2.imwrite(str(tmp_path / "colour.png"), np.dstack([grey, grey, 255 - grey]))
+    with pytest.raises(GoalError, match="is in colour"):
+        relief_of(f"heights:{tmp_path / 'colour.png'}", (8, 8), 1.0, soften_px=0)
 
 
 def test_fills_and_counts_holes_of_height_file(tmp_path: Path) -> None:
@@ -87,6 +131,60 @@ def test_mesh_relief_supports_any_up_axis(tmp_path: Path) -> None:
     assert mesh_relief(tmp_path / "box.stl", 32, "x").shape == (8, 32)
 
 
+def test_an_obj_needs_its_up_axis_and_is_then_seen_from_above(tmp_path: Path) -> None:
+    # An L of 30 by 40 and 5 to 9 high, y up: its stem on the left, its foot towards the viewer, at z = 0.
+    boxes = ((0, 0, -10, 30, 5, 0), (0, 0, -40, 10, 9, -10))
+    meshes = [trimesh.creation.box(bounds=[box[:3], box[3:]]) for box in boxes]
+    trimesh.util.concatenate(meshes).export(tmp_path / "l.obj")
+    with pytest.raises(GoalError, match="does not say which of its axes points up"):
+        relief_of(str(tmp_path / "l.obj"), (40, 40), 1.0, soften_px=0)
+    relief = relief_of(str(tmp_path / "l.obj"), (40, 30), 1.0, soften_px=0, up="y")
+    wanted = np.zeros((40, 30))
+    wanted[:30, :10], wanted[30:] = 9, 5
+    np.testing.assert_array_equal(relief, wanted)
+    flat = np.array([[0, 1], [2, 3]])
+    upright = relief_of(str(tmp_path / "l.obj"), (40, 40), 1.0, soften_px=0, up="z")
+    assert upright.shape != flat.shape and not np.array_equal(upright, relief)
+
+
+def test_faces_of_an_obj_may_count_back_in_each_object(tmp_path: Path) -> None:
+    square = "v {x} 0 {z}\nv {x1} 0 {z}\nv {x1} 1 {z}\nv {x} 1 {z}\nusemtl {z}\nf -4//-1 -3//-1 -2//-1 -1//-1\n"
+    left, right = square.format(x=0, x1=1, z=2), square.format(x=1, x1=2, z=1)
+    (tmp_path / "two.obj").write_text(f"o a\n{left}o b\n{right}")
+    np.testing.assert_array_equal(mesh_relief(tmp_path / "two.obj", 4), [[2, 2, 1, 1]] * 2)
+    (tmp_path / "bom.obj").write_bytes(b"\xef\xbb\xbf" + f"{left}{right}".replace("\n", "\r\n").encode())
+    np.testing.assert_array_equal(mesh_relief(tmp_path / "bom.obj", 4), [[2, 2, 1, 1]] * 2)
+
+
+@pytest.mark.parametrize("start", range(6))
+@pytest.mark.parametrize("turn", [1, -1])
+def test_the_notch_of_a_polygon_stays_open(tmp_path: Path, start: int, turn: int) -> None:
+    ell = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)]
+    corners = (ell[start:] + ell[:start])[::turn]
+    lines = [f"v {x} {y} 1" for x, y in corners] + ["f 1 2 3 4 5 6"]
+    lines += [f"v {x} {y} 0" for x, y in ((-2, -2), (6, -2), (6, 6), (-2, 6))] + ["f 7 8 9 10"]
+    (tmp_path / "ell.obj").write_text("\n".join(lines))
+    wanted = np.zeros((8, 8))
+    wanted[2:6, 2] = wanted[5, 2:6] = 1
+    np.testing.assert_array_equal(mesh_relief(tmp_path / "ell.obj", 8), wanted)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("f 0 1 2", "line 4, 'f 0 1 2', is broken"),
+        ("f 1 2 -4", "line 4, 'f 1 2 -4', is broken"),
+        ("f 1 2", "less than three corners"),
+        ("f 1 2 9", "a corner that is no vertex"),
+        ("v 1 2", "line 4, 'v 1 2', is broken"),
+    ],
+)
+def test_broken_lines_of_an_obj_are_named(tmp_path: Path, line: str, sentence: str) -> None:
+    (tmp_path / "bad.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\n{line}\n")
+    with pytest.raises(GoalError, match=sentence):
+        mesh_relief(tmp_path / "bad.obj", 8)
+
+
 def test_rejects_unusable_meshes(tmp_path: Path) -> None:
     (tmp_path / "empty.obj").write_text("# nothing\n")
     (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
@@ -110,6 +208,16 @@ def test_plain_relief_maps_bright_to_high() -> None:
     assert (np.diff(relief[:, 30]) <= 1e-9).all()
 
 
+def test_plain_relief_of_a_large_picture_is_that_of_a_small_one() -> None:
+    small = np.zeros((40, 60, 3), np.uint8)
+    small[:20, 10:] = 200
+    large = np.repeat(np.repeat(small, 40, axis=0), 40, axis=1)
+    relief = plain_relief(large)
+    assert relief.shape == (683, 1024)
+    shrunk = cv2.resize(relief, (60, 40), interpolation=cv2.INTER_AREA)
+    assert np.abs(shrunk - plain_relief(small)).max() < 0.06
+
+
 def test_depth_relief_uses_local_depth_model(tmp_path: Path) -> None:
     import torch
     from transformers import DepthAnythingConfig, DepthAnythingForDepthEstimation, Dinov2Config, DPTImageProcessor
@@ -130,6 +238,12 @@ def test_depth_relief_uses_local_depth_model(tmp_path: Path) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (30, 40, 3), dtype=np.uint8)
     near = depth_relief(picture, tmp_path)
     assert near.shape == (30, 40) and np.ptp(near) > 0 and near.min() >= 0  # inverse depth
+    weights = tmp_path / "model.safetensors"
+    whole = weights.read_bytes()
+    for broken in (whole[: len(whole) // 2], b"version https://git-lfs.github.com/spec/v1\n"):
+        weights.write_bytes(broken)
+        with pytest.raises(GoalError, match=r"model\.safetensors is (cut off|a pointer)"):
+            depth_relief(picture, tmp_path)
     model.config.depth_estimation_type = "metric"
     model.config.max_depth = 1
     model.save_pretrained(tmp_path)

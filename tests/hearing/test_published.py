@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors.torch import load_file, save_file
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.hearing.clap import SoundNamer
@@ -111,3 +113,15 @@ def test_folders_that_hold_something_else_are_one_sentence(whisper: Path, clap: 
         with pytest.raises(ConfigError, match=f"The {kind} model in .* cannot be read") as error:
             load_listener(tmp_path, small_vocabulary())
         assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("kind", ["whisper", "clap"])
+def test_a_model_that_is_not_whole_is_refused(kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    folder = shutil.copytree(request.getfixturevalue(kind), tmp_path / kind)
+    weights = load_file(folder / "model.safetensors")
+    save_file(dict(sorted(weights.items())[3:]), folder / "model.safetensors", {"format": "pt"})
+    with pytest.raises(ConfigError, match="lacks weights, such as"):
+        load_listener(folder, small_vocabulary())
+    (folder / "model.safetensors").write_text("version https://git-lfs.github.com/spec/v1\n")
+    with pytest.raises(ConfigError, match="is a pointer and not the file"):
+        load_listener(folder, small_vocabulary())

@@ -36,6 +36,18 @@ def test_card_counts_rows_and_lists_unobservable_causes(tmp_path: Path) -> None:
     assert all(f"- {line}" in text for line in warnings)
 
 
+def test_card_of_pushes_and_pinches_is_written(tmp_path: Path) -> None:
+    rows = pushes.example_table(12).to_pylist()
+    for kinds, unseen in ((rows[:3], False), (rows, True)):
+        for row in kinds:
+            row["kind"] = "pinch"
+        file = tmp_path / f"rows_{len(kinds)}.parquet"
+        pq.write_table(pa.Table.from_pylist(rows, schema=pushes.example_table(1).schema), file)
+        text = write_card(file, None)[0].read_text()
+        assert "12 pushes of ball" in text
+        assert ("all rows are pinches" in text) is unseen
+
+
 def test_card_of_pushes_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pq.write_table(pushes.example_table(12), tmp_path / "rows.parquet")
     assert main(["card", str(tmp_path / "rows.parquet"), "--out", str(tmp_path / "said.md")]) == 0

@@ -95,7 +95,7 @@ def test_a_drawing_on_file_holds_the_strokes_and_ends_with_the_pen_up(tmp_path: 
     assert not target.exists()
     robot.close()
     lines = target.read_text().splitlines()
-    assert lines[:3] == ["G21", "G90", "G94"] and lines[-1] == "M5"
+    assert lines[:3] == ["G21", "G90", "G94"] and lines[-1].startswith("G1 ")
     places_m, _ = parsed([line for line in lines if " Z" in line and " X" in line])
     on_paper = places_m[places_m[:, 2] < 0.05]
     # canvas (x, y, z) -> robot (0.4 − y, 0.1 + x, 0.05 + z)
@@ -103,3 +103,17 @@ def test_a_drawing_on_file_holds_the_strokes_and_ends_with_the_pen_up(tmp_path: 
     assert on_paper[:, 1].min() == pytest.approx(0.2) and on_paper[:, 1].max() == pytest.approx(0.23)
     assert on_paper[:, 2].min() == pytest.approx(0.049)
     assert places_m[-1, 2] == pytest.approx(0.08)
+
+
+def test_a_drawing_on_file_leaves_a_servo_up(tmp_path: Path) -> None:
+    target = tmp_path / "drawing.gcode"
+    pen = {"pen": "servo", "servo_up": 30, "servo_down": 60}
+    rig = make_rig(driver="gcode", palette=None, machine={"file": str(target), **pen})
+    connect(rig).close()
+    lines = target.read_text().splitlines()
+    assert lines[-2:] == ["M3 S30", "G4 P0.25"] and "M5" not in lines
+
+
+def test_a_servo_that_is_up_below_down_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="servo_up is the smaller number"):
+        pen_of({"pen": "servo", "servo_up": 60, "servo_down": 30}, make_rig())

@@ -1,7 +1,7 @@
 """The streaming plotter against a simulated GRBL on a pseudo-terminal, with everything that can go wrong on a cable."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 
@@ -118,6 +118,116 @@ def test_a_servo_pen_draws_and_rises() -> None:
     low = np.array([[x, y] for x, y, _, s in trace if s == 60])
     assert low[:, 0].min() == pytest.approx(120, abs=2e-3) and low[:, 0].max() == pytest.approx(160, abs=2e-3)
     assert trace[-1][3] == 30 and all(z == 0 for _, _, z, _ in trace)
+
+
+def test_a_servo_pen_stays_up_at_the_end() -> None:
+    pen = {"pen": "servo", "servo_up": 30, "servo_down": 60}
+    with plotting(pen=pen) as (grbl, guard, robot):
+        guard.move(stroke())
+        robot.close()
+        assert grbl.trace[-1][3] == 30
+        assert "M5" not in grbl.lines  # it would take the servo to 0
+
+
+@pytest.mark.parametrize(("up", "down"), [(60, 30), (30, 30)])
+def test_a_servo_that_a_reset_would_press_on_the_paper_is_refused(up: int, down: int) -> None:
+    grbl = SimulatedGrbl()
+    try:
+        with pytest.raises(ConfigError, match=f"servo_up is {up} and servo_down {down}.*smaller"):
+            connect(plotter_rig(grbl.port, pen="servo", servo_up=up, servo_down=down))
+        assert not grbl.lines and {s for *_, s in grbl.trace} <= {0}
+    finally:
+        grbl.close()
+
+
+@contextmanager
+def resetting(**simulation: object) -> Iterator[tuple[SimulatedGrbl, Rig]]:
+    """A board that starts again when its port is opened, as an Arduino does."""
+    grbl = SimulatedGrbl(hurry=200.0, boots_s=0.3, **simulation)  # type: ignore[arg-type]
+    try:
+        yield grbl, plotter_rig(grbl.port)
+    finally:
+        grbl.close()
+
+
+def test_a_reset_at_opening_is_noticed_and_the_person_asked_to_put_the_pen_to_its_place() -> None:
+    with resetting(offset_mm=(-200.0, -30.0, 4.0)) as (grbl, rig):
+        asked: list[str] = []
+        robot = HardwareRobot(connect(rig), rig, asked.append)
+        with pytest.raises(MachineError, match=r"Nothing moved.*does not know where its pen is"):
+            robot.move(stroke())
+        assert not any(line.startswith("G1") for line in grbl.lines)
+        robot.change_tool(MARKER)
+        assert "by hand to [200.0, 30.0, -4.0] mm" in asked[0] and "Fit the marker" in asked[1]
+        robot.move(stroke())
+        robot.close()
+        place_mm = grbl.place_mm
+        again = HardwareRobot(connect(rig), rig, asked.append)  # the board ran on, so the place is still known
+        again.change_tool(MARKER)
+        assert grbl.starts == 1 and len(asked) == 3 and "Fit the marker" in asked[2]
+        assert again._machine.where()[:3, 3] * 1000 == pytest.approx(place_mm, abs=2e-3)
+        again.close()
+
+
+def test_a_person_who_does_not_confirm_is_asked_again_at_the_next_opening() -> None:
+    def nobody(request: str) -> None:
+        raise EOFError(request)
+
+    with resetting() as (grbl, rig):
+        for starts in (1, 2):
+            robot = HardwareRobot(connect(rig), rig, nobody)
+            with pytest.raises(EOFError, match="was reset when its port was opened"):
+                robot.change_tool(MARKER)
+            robot._machine.close()
+            time.sleep(0.1)
+            assert grbl.starts == starts
+        assert not any(line.startswith("G1") for line in grbl.lines)
+
+
+def test_an_alarm_at_every_opening_is_homed_when_the_person_confirms() -> None:
+    with resetting(settings={"22": "1"}) as (grbl, rig):
+        asked: list[str] = []
+        machine = connect(rig)
+        robot = HardwareRobot(machine, rig, asked.append)
+        assert "$H" not in grbl.lines and grbl._state == "Alarm"
+        robot.change_tool(MARKER)
+        assert "waits for its homing" in asked[0] and grbl.lines.count("$H") == 1
+        robot.move(stroke())
+        assert grbl.place_mm[0] == pytest.approx(160, abs=2e-3)
+        robot.close()
+        HardwareRobot(connect(rig), rig, asked.append).close()
+        assert grbl.starts == 1 and grbl.lines.count("$H") == 1
+
+
+def test_an_alarm_after_a_reset_without_homing_switches_is_refused() -> None:
+    grbl = SimulatedGrbl(settings={"22": "1"}, boots_s=0.1)
+    grbl._settings["22"], grbl._execute = "0", _alarmed(grbl)  # type: ignore[method-assign]
+    try:
+        with pytest.raises(MachineError, match="home or unlock it by hand"):
+            connect(plotter_rig(grbl.port))
+    finally:
+        grbl.close()
+
+
+def _alarmed(grbl: SimulatedGrbl) -> Callable[[str], str]:
+    """Its executing of lines, in alarm."""
+    execute = grbl._execute
+
+    def run(line: str) -> str:
+        grbl._state = "Alarm"
+        return execute(line)
+
+    return run
+
+
+def test_slow_axes_are_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The z axis makes 5 mm/s: 4 mm take 0.8 s, where 0.05 s were planned."""
+    monkeypatch.setattr("pentimento.robots.grbl.ANSWER_S", 0.3)
+    with plotting(hurry=1.0, settings={"110": "6000", "111": "6000", "112": "300"}) as (grbl, _, robot):
+        poses = np.tile(np.eye(4), (2, 1, 1))
+        poses[1, 2, 3] = -0.004
+        robot._machine.follow(np.array([0.0, 0.05]), poses)
+        assert grbl.place_mm[2] == pytest.approx(-4, abs=1e-3)
 
 
 ERRORS = {

@@ -20,6 +20,8 @@ Window = Sequence[float] | npt.NDArray[np.floating[Any]]
 
 _ALIGNED_PX = 0.01  # windows come back from float32 columns: 1e-4 px off; a real misfit is larger
 
+_ONE_SCALE = 0.01  # pixel sizes that differ by less are one
+
 
 def check_window(window_m: Window) -> tuple[float, float, float, float]:
     """The window as four floats.
@@ -89,6 +91,23 @@ def pixels_per_m(shape: Sequence[int], window_m: Window) -> float:
             f"has {along_x:.0f} pixels a metre along x and {along_y:.0f} along y; pixels must be square."
         )
     return (along_x + along_y) / 2
+
+
+def coarsening(scales: npt.ArrayLike, pixels_per_m: float) -> npt.NDArray[np.int64]:
+    """Whole factors [B], at least 1, by which images are averaged down to about ``pixels_per_m``.
+
+    Images whose own pixels a metre (`scales` [B], NaN where unknown) agree within 1 % have one factor: windows are
+    stored in single precision, whose rounding must not decide for each image.
+    """
+    given = np.asarray(scales, dtype=np.float64)
+    factors = np.ones(given.shape, dtype=np.int64)
+    order = np.argsort(given)[: int(np.isfinite(given).sum())]
+    starts = np.flatnonzero(np.diff(given[order]) > _ONE_SCALE * given[order][1:]) + 1
+    for alike in np.split(order, starts):
+        if len(alike):
+            ratio = round(float(np.median(given[alike])) / pixels_per_m, 3)
+            factors[alike] = max(math.floor(ratio + 0.5), 1)
+    return factors
 
 
 def _rotated(xy: FloatArray, theta_rad: float) -> FloatArray:

@@ -72,6 +72,18 @@ def decode_png(data: bytes) -> npt.NDArray[Any]:
     return decode_image(data, "A PNG") if colour and _SAYS_MORE.search(data, 0, data.find(b"IDAT")) else image
 
 
+def png_shape(data: bytes) -> tuple[int, int]:
+    """Height and width of what `decode_png` returns, without decoding a plain PNG.
+
+    Raises:
+        ImageError: as `decode_png`.
+    """
+    if not data.startswith(PNG) or _SAYS_MORE.search(data, 0, data.find(b"IDAT")):
+        height, width = decode_png(data).shape[:2]
+        return height, width
+    return int.from_bytes(data[20:24]), int.from_bytes(data[16:20])
+
+
 def decode_image(data: bytes, name: str) -> npt.NDArray[np.uint8]:
     """Bytes of any image file (PNG, JPEG, ...) as uint8 sRGB [H, W, 3]; ``name`` describes it in messages.
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import unicodedata
+
 import cv2
 import numpy as np
-from matplotlib.font_manager import FontProperties
-from matplotlib.textpath import TextPath
+from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.path import Path
+from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 
 from pentimento.planning.pushes.goal import GoalError
@@ -25,15 +28,15 @@ def letter_relief(text: str, side_px: int, family: str = "DejaVu Serif") -> Floa
     """Letters [side_px, side_px] at −1 in a plate at 0, as large as fits, centred.
 
     Raises:
-        GoalError: there is nothing to draw, or matplotlib has no such font.
+        GoalError: there is nothing to draw, matplotlib has no such font, or the font lacks a character.
     """
-    if not text.strip():
+    text = unicodedata.normalize("NFC", text)
+    font = _font(family, text)
+    # `ismath` is off, so that dollar signs are letters.
+    vertices, codes = text_to_path.get_text_path(font, text)
+    polygons = [np.asarray(polygon) for polygon in Path(vertices, codes).to_polygons()]
+    if not polygons:
         raise GoalError("There is no letter to sculpt; give at least one character that leaves a mark.")
-    try:
-        path = TextPath((0, 0), text, size=100, prop=_font(family))
-    except ValueError:
-        raise GoalError(f"There is no font {family!r}; matplotlib ships 'DejaVu Serif'.") from None
-    polygons = [np.asarray(polygon) for polygon in path.to_polygons()]
     corners = np.concatenate(polygons)
     low, high = corners.min(axis=0), corners.max(axis=0)
     fine = _SUPERSAMPLING * side_px
@@ -46,11 +49,18 @@ def letter_relief(text: str, side_px: int, family: str = "DejaVu Serif") -> Floa
     return -mask
 
 
-def _font(family: str) -> FontProperties:
-    from matplotlib.font_manager import findfont
-
+def _font(family: str, text: str) -> FontProperties:
+    """The font, if it has a glyph for each character. Others are drawn as placeholders, or not at all."""
     font = FontProperties(family=family)
-    findfont(font, fallback_to_default=False)
+    try:
+        glyphs = get_font(findfont(font, fallback_to_default=False)).get_charmap()
+    except ValueError:
+        raise GoalError(f"There is no font {family!r}; matplotlib ships 'DejaVu Serif'.") from None
+    for character in text:
+        hidden = not character.isspace() and unicodedata.category(character)[0] == "C"
+        if hidden or character in "\t\n\r" or ord(character) not in glyphs:
+            named = f"{character!r} ({unicodedata.name(character, f'U+{ord(character):04X}')})"
+            raise GoalError(f"The font {family} has no character {named}; choose another text.")
     return font
 
 

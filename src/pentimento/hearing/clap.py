@@ -13,7 +13,7 @@ import torch
 from scipy.signal import resample_poly
 from transformers import ClapModel, ClapProcessor
 
-from pentimento.contracts.errors import ConfigError
+from pentimento.semantics.pretrained import load_pretrained, unreadable
 from pentimento.sound.recording import RATE_HZ, Recording, SoundError, check_level
 
 _PROMPT: Final = "This is a sound of {}."
@@ -36,14 +36,12 @@ class SoundNamer:
         """Read a folder in the published layout; nothing is downloaded.
 
         Raises:
-            ConfigError: the folder holds something else.
+            ConfigError: the folder holds something else, a part of a model or damaged weights.
         """
-        try:
-            model = ClapModel.from_pretrained(folder, local_files_only=True, use_safetensors=True, dtype=torch.float32)
+        model = load_pretrained(ClapModel, folder, "The CLAP model")
+        with unreadable(f"The CLAP model in {folder}"):
             processor = ClapProcessor.from_pretrained(folder, local_files_only=True)
-        except (OSError, RuntimeError, ValueError, TypeError) as error:
-            raise ConfigError(f"The CLAP model in {folder} cannot be read: {' '.join(str(error).split())}") from error
-        return cls(model.eval(), processor, tuple(things))
+        return cls(model, processor, tuple(things))
 
     def similarities(self, recording: Recording, prompts: Sequence[str]) -> list[float]:
         """Cosine similarity of the recording to each prompt."""

@@ -9,6 +9,7 @@ from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.contracts.errors import ConfigError
 from pentimento.hearing.clap import SoundNamer
 from pentimento.hearing.whisper import Transcriber
+from pentimento.semantics.pretrained import check_pointers
 from pentimento.sound.affect import Heard, Listener, spoken
 
 
@@ -20,9 +21,10 @@ def load_listener(folder: Path, vocabulary: Vocabulary | None) -> Listener:
             lists.
     """
     try:
+        check_pointers(folder)
         config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
         kind = config.get("model_type")
-    except (OSError, ValueError, AttributeError) as error:
+    except (OSError, ValueError, AttributeError, ConfigError) as error:
         raise ConfigError(
             f"{folder} is no folder of a published model ({error}); give one with config.json, model.safetensors and "
             "the files of its processor, as openai/whisper-base.en or laion/clap-htsat-unfused has."

@@ -9,7 +9,7 @@ from typing import Any, Final
 import torch
 from transformers import WhisperForConditionalGeneration, WhisperProcessor
 
-from pentimento.contracts.errors import ConfigError
+from pentimento.semantics.pretrained import load_pretrained, unreadable
 from pentimento.sound.recording import RATE_HZ, Recording, SoundError, check_level
 
 _MAX_TOKENS: Final = 100
@@ -28,18 +28,12 @@ class Transcriber:
         """Read a folder in the published layout; nothing is downloaded.
 
         Raises:
-            ConfigError: the folder holds something else.
+            ConfigError: the folder holds something else, a part of a model or damaged weights.
         """
-        try:
-            model = WhisperForConditionalGeneration.from_pretrained(
-                folder, local_files_only=True, use_safetensors=True, dtype=torch.float32
-            )
+        model = load_pretrained(WhisperForConditionalGeneration, folder, "The Whisper model")
+        with unreadable(f"The Whisper model in {folder}"):
             processor = WhisperProcessor.from_pretrained(folder, local_files_only=True)
-        except (OSError, RuntimeError, ValueError, TypeError) as error:
-            raise ConfigError(
-                f"The Whisper model in {folder} cannot be read: {' '.join(str(error).split())}"
-            ) from error
-        return cls(model.eval(), processor)
+        return cls(model, processor)
 
     def words_of(self, recording: Recording) -> str:
         """The words, in English.

@@ -112,7 +112,11 @@ def _not_shown(measured: Measured) -> dict[str, str]:
 
 def _of_pushes(table: pa.Table) -> _Content:
     samples, _ = load_pushes(table)
-    _, unseen = observable_causes(measure(samples), OF_PUSHES)
+    alone = samples.pick(samples.kind == "push")  # the causes are of pushes
+    if len(alone.kind):
+        _, unseen = observable_causes(measure(alone), OF_PUSHES)
+    else:
+        unseen = {kind.cause: "all rows are pinches, and causes are known of pushes alone" for kind in OF_PUSHES}
     return _Content(commanded_pushes(table), shown_pushes(table), heading_of_pushes(table), unseen, [])
 
 

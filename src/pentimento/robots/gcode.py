@@ -1,6 +1,6 @@
 """G-code for pen plotters: a timed motion of the tip as lines in millimetres and millimetres a minute.
 
-Only codes that every GRBL-like controller reads: G21, G90, G94, G1, G4, M0, M3, M5. Each line is a straight segment
+Only codes that every GRBL-like controller reads: G21, G90, G94, G1, G4, M0, M3. Each line is a straight segment
 with its own feed, so that the machine keeps the path's times as far as its accelerations allow.
 """
 
@@ -50,7 +50,14 @@ def pen_of(machine: Mapping[str, Any], rig: Rig) -> Pen:
     if kind == "z" and not any(value is not None for value in servo.values()):
         return Pen("z", paper_z_m=rig.origin_m[2])
     if kind == "servo" and all(isinstance(value, int) and 0 <= value <= 1000 for value in servo.values()):
-        return Pen("servo", servo["servo_up"] or 0, servo["servo_down"] or 0, rig.origin_m[2])
+        up, down = servo["servo_up"] or 0, servo["servo_down"] or 0
+        if up >= down:
+            raise ConfigError(
+                f"{where}: servo_up is {up} and servo_down {down}. At every reset the controller takes the servo to 0, "
+                "and that must be above the paper: servo_up is the smaller number; fit the servo's horn the other way "
+                "round."
+            )
+        return Pen("servo", up, down, rig.origin_m[2])
     raise ConfigError(
         f'{where}: pen is {kind!r} with {servo}; it is "z", or "servo" with servo_up and servo_down from 0 to 1000.'
     )
@@ -122,8 +129,8 @@ class GcodeFile:
         atomic_write(self._path, self.text().encode("ascii"))
 
     def text(self) -> str:
-        """The commands so far."""
-        return "\n".join((*self._lines, "M5", ""))
+        """The commands so far, and the pen up. M5 would take a servo to 0."""
+        return "\n".join((*self._lines, *(servo_lines(self._pen, down=False) if self._pen.kind == "servo" else ()), ""))
 
     def pause(self, why: str) -> None:
         """Wait for the person, where the tool is, until the controller is told to go on."""

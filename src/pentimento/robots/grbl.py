@@ -28,11 +28,15 @@ HOLD, RESET, ASK = b"!", b"\x18", b"?"
 ANSWER_S = 2.0
 """A line counts as lost if it is not answered for so long after the motions before it."""
 REST_S = 1.0
-"""Max time of the deceleration after a feed hold."""
+"""Max time of the deceleration after a feed hold, beyond that of the controller's own acceleration."""
+HOME_S = 120.0
+"""Max time of a homing cycle."""
 _POLL_S = 0.02
 _PLACE_M = 5e-5  # GRBL's steps are finer, and lost ones coarser
 _QUIET_S = 0.1  # without a line, after which the greeting is complete
 _WAKE_S = 4.0  # an Arduino starts its boot loader when its port is opened
+_HOMING = "22"  # the setting of homing switches
+_RATES, _ACCELERATIONS = ("110", "111", "112"), ("120", "121", "122")  # of x, y, z: mm/min, mm/s²
 _STATUS = re.compile(r"<(?P<state>\w+)(?::(?P<phase>\d+))?\|(?P<kind>[MW])Pos:(?P<place>[-\d.,]+)(?:\|.*)?>")
 _OFFSET = re.compile(r"\|WCO:([-\d.,]+)")
 _NEEDED = {"13": ("0", "it must report millimetres"), "32": ("0", "laser mode changes what M3 does")}
@@ -60,19 +64,63 @@ class GrblPlotter:
         self._halted = threading.Event()
         self._talking = threading.Lock()
         self._offset_m: FloatArray | None = None
+        self._doubt: str | None = None
+        self._to_home = False
         with self._talking:
-            line.send_byte(RESET)
-            self._await_greeting(_WAKE_S)
-            while line.receive(_QUIET_S) is not None:  # one that has just been powered greets twice
+            woken = self._was_woken()
+            if not woken:
+                self._require_idle(self._status().state)
+                line.send_byte(RESET)  # clears modes and half a line of another program
+                self._await_greeting(ANSWER_S)
+            while line.receive(_QUIET_S) is not None:
                 pass
-            self._check_settings(self._command("$$", ANSWER_S))
-            state = self._status().state
-            if state != "Idle":
-                raise MachineError(
-                    f"The plotter on {line.port} is in state {state} and not Idle; home or unlock it by hand, and set "
-                    "its work zero again."
-                )
-            self._prepare()
+            settings = self._checked_settings(self._command("$$", ANSWER_S))
+            axes = 3 if self._pen.kind == "z" else 2
+            self._rates_m_s = _values(settings, _RATES[:axes]) / 60_000
+            self._accelerations_m_s2 = _values(settings, _ACCELERATIONS[:axes]) / 1000
+            status = self._status()
+            self._to_home = woken and status.state == "Alarm" and settings.get(_HOMING, "0").split()[:1] == ["1"]
+            if not self._to_home:
+                self._require_idle(status.state)
+                self._prepare()
+            if woken:
+                self._doubt = self._request(status.place_m)
+            else:
+                line.keep_board_awake()
+
+    def doubt(self) -> str | None:
+        """A board that was reset when its port was opened takes the place where the pen stands for its zero."""
+        return self._doubt
+
+    def settle(self) -> None:
+        """The pen was put to its place, or may be homed. From then on, opening the port does not reset the board."""
+        with self._talking:
+            if self._to_home:
+                self._command("$H", HOME_S)
+                self._require_idle(self._status().state)
+                self._prepare()
+            self._line.keep_board_awake()
+            self._doubt, self._to_home = None, False
+
+    def _request(self, place_m: FloatArray) -> str:
+        if self._to_home:
+            return (
+                f"The plotter on {self._line.port} was reset when its port was opened, and it waits for its homing. "
+                "Clear its way: when you confirm, it moves to its switches."
+            )
+        place_mm = np.round(1000 * place_m[: 3 if self._pen.kind == "z" else 2], 3) + 0.0
+        return (
+            f"The plotter on {self._line.port} was reset when its port was opened, and it does not know where its pen "
+            f"is. Put the pen's tip by hand to {place_mm.tolist()} mm in the rig's coordinates, where it takes it to "
+            "be, then confirm."
+        )
+
+    def _require_idle(self, state: str) -> None:
+        if state != "Idle":
+            raise MachineError(
+                f"The plotter on {self._line.port} is in state {state} and not Idle; home or unlock it by hand, and "
+                "set its work zero again."
+            )
 
     def where(self) -> FloatArray:
         """The tip's place; the height of a servo's pen is that of the last command."""
@@ -84,19 +132,24 @@ class GrblPlotter:
 
     def follow(self, times_s: FloatArray, poses: FloatArray) -> FloatArray:
         places_m = poses[:, :3, 3]
+        if self._doubt is not None:
+            raise MachineError(f"Nothing moved. {self._doubt}")
+        lasting_s = self._lasting_s(times_s, places_m)
         # An "ok" may have to wait until the motions before it have made room in the queue.
-        longest_s = float(np.diff(times_s).max())
+        longest_s = float(lasting_s.max())
         with self._talking:
             for line in gcode_of(times_s, places_m, self._pen):
                 self._command(line, ANSWER_S + longest_s)
             # A dwell is answered when all motions before it are done; they may take longer than asked for.
-            self._command("G4 P0.01", ANSWER_S + 2 * float(times_s[-1]))
+            self._command("G4 P0.01", ANSWER_S + 2 * float(lasting_s.sum()))
             self._servo_z_m = float(places_m[-1, 2])
             self._check_arrival(places_m[-1])
         return np.full(poses.shape, np.nan)
 
     def halt(self) -> None:
         """Feed hold, so that no step is lost; then a soft reset, which empties the queue; a servo's pen goes up."""
+        if self._doubt is not None:
+            return  # nothing was moved
         self._halted.set()
         self._line.send_byte(HOLD)
         if not self._talking.acquire(timeout=REST_S):
@@ -112,9 +165,20 @@ class GrblPlotter:
             self._talking.release()
 
     def close(self) -> None:
-        with self._talking:
-            self._command("M5", ANSWER_S)
-        self._line.close()
+        """Leave the pen up: M5 would take a servo to 0."""
+        try:
+            if self._pen.kind == "servo" and not self._to_home:
+                with self._talking:
+                    for command in servo_lines(self._pen, down=False):
+                        self._command(command, ANSWER_S)
+        finally:
+            self._line.close()
+
+    def _lasting_s(self, times_s: FloatArray, places_m: FloatArray) -> FloatArray:
+        """Max times [N - 1] of the segments: as commanded, or at the axes' own rates from rest to rest."""
+        ways_m = np.abs(np.diff(places_m[:, : len(self._rates_m_s)], axis=0))
+        own_s = ways_m / self._rates_m_s + 2 * np.sqrt(ways_m / self._accelerations_m_s2)
+        return np.asarray(np.maximum(np.diff(times_s), own_s.max(axis=1)))
 
     def _prepare(self) -> None:
         """Set what a reset clears: the modes, and a servo's pen."""
@@ -170,28 +234,48 @@ class GrblPlotter:
         raise MachineError(f"The plotter on {self._line.port} does not say where it is; check the cable.")
 
     def _await_rest(self) -> None:
-        deadline_s = time.monotonic() + REST_S
+        known = np.isfinite(self._rates_m_s) & np.isfinite(self._accelerations_m_s2)
+        rest_s = REST_S + float((self._rates_m_s[known] / self._accelerations_m_s2[known]).max(initial=0.0))
+        deadline_s = time.monotonic() + rest_s
         while time.monotonic() < deadline_s:
             state, phase, _ = self._status()
             if state in ("Idle", "Alarm") or (state == "Hold" and phase == "0"):
                 return
             time.sleep(_POLL_S)
-        raise MachineError(f"The plotter on {self._line.port} did not come to rest within {REST_S:g} s of a feed hold.")
+        raise MachineError(
+            f"The plotter on {self._line.port} did not come to rest within {rest_s:.3g} s of a feed hold."
+        )
+
+    def _was_woken(self) -> bool:
+        """Whether the board greets by itself, because opening its port has reset it; one that runs tells its state."""
+        deadline_s = time.monotonic() + _WAKE_S
+        self._line.send_byte(ASK)
+        while time.monotonic() < deadline_s:
+            answer = self._line.receive(_POLL_S) or ""
+            if _STATUS.fullmatch(answer):
+                return False
+            if self._is_greeting(answer):
+                return True
+        self._line.send_byte(RESET)
+        self._await_greeting(ANSWER_S)
+        return True
+
+    def _is_greeting(self, answer: str) -> bool:
+        if answer.startswith("Grbl") and not answer.startswith("Grbl 1.1"):
+            raise MachineError(f"The plotter on {self._line.port} runs {answer!r}; this driver knows Grbl 1.1.")
+        return answer.startswith("Grbl")
 
     def _await_greeting(self, within_s: float) -> None:
         deadline_s = time.monotonic() + within_s
         while time.monotonic() < deadline_s:
-            greeting = self._line.receive(_POLL_S) or ""
-            if greeting.startswith("Grbl 1.1"):
+            if self._is_greeting(self._line.receive(_POLL_S) or ""):
                 return
-            if greeting.startswith("Grbl"):
-                raise MachineError(f"The plotter on {self._line.port} runs {greeting!r}; this driver knows Grbl 1.1.")
         raise MachineError(
             f"Nobody on {self._line.port} answered as GRBL within {within_s:g} s; check the port, the rate and the "
             "power."
         )
 
-    def _check_settings(self, lines: list[str]) -> None:
+    def _checked_settings(self, lines: list[str]) -> dict[str, str]:
         settings = dict(line[1:].split("=", 1) for line in lines if line.startswith("$") and "=" in line)
         for number, (needed, reason) in _NEEDED.items():
             found = settings.get(number)
@@ -200,6 +284,7 @@ class GrblPlotter:
                     f"The plotter on {self._line.port} has ${number}={found}, and {reason}; "
                     f"send ${number}={needed} to it."
                 )
+        return settings
 
     def _check_arrival(self, place_m: FloatArray) -> None:
         """Raise MachineError if the machine is not at the commanded place: a garbled line is detected only by this."""
@@ -224,6 +309,18 @@ def connect(rig: Rig) -> GrblPlotter:
     except BaseException:
         line.close()
         raise
+
+
+def _values(settings: dict[str, str], numbers: tuple[str, ...]) -> FloatArray:
+    """Settings of the axes, infinite where the controller tells no positive number."""
+    values = []
+    for number in numbers:
+        try:
+            value = float(settings[number].split()[0])
+        except (KeyError, IndexError, ValueError):
+            value = 0.0
+        values.append(value if value > 0 else np.inf)
+    return np.array(values)
 
 
 def _metres(text: str) -> FloatArray:

@@ -23,7 +23,7 @@ from pentimento.robots.journey import (
     way_up,
     ways_to,
 )
-from pentimento.robots.machine import HaltedError, Machine, MachineError
+from pentimento.robots.machine import HaltedError, Machine, MachineError, UnsureMachine
 from pentimento.robots.rig import Palette, Rig
 from pentimento.robots.tools import Tool
 
@@ -74,6 +74,9 @@ class HardwareRobot:
     def change_tool(self, tool: Tool) -> None:
         if self._tool == tool:
             return
+        if isinstance(self._machine, UnsureMachine) and (request := self._machine.doubt()) is not None:
+            self._ask(request)
+            self._machine.settle()
         self.lift()
         self._ask(f"Fit the {tool.name} so that its tip is where the rig file says, then confirm.")
         self._tool = tool
@@ -148,8 +151,10 @@ class HardwareRobot:
 
     def close(self) -> None:
         """Lift the tool and let go of the machine."""
-        self.lift()
-        self._machine.close()
+        try:
+            self.lift()
+        finally:
+            self._machine.close()
 
     def _places(self) -> Palette:
         if self._rig.palette is None:

@@ -6,7 +6,7 @@ hardware.py. See docs/writing_a_driver.md.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,19 @@ class Machine(Protocol):
 
     def close(self) -> None:
         """Close the link, with the machine at rest."""
+        ...
+
+
+@runtime_checkable
+class UnsureMachine(Protocol):
+    """A machine that may not know its place when it is opened. It then refuses every `follow` until it is settled."""
+
+    def doubt(self) -> str | None:
+        """What the person must see to before the machine may move; None if the place is known."""
+        ...
+
+    def settle(self) -> None:
+        """The person has seen to it."""
         ...
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import termios
 import time
 
 from pentimento.contracts.errors import ConfigError
@@ -52,6 +53,15 @@ class SerialLine:
             self._serial.write(byte)
         except OSError as error:  # pyserial's errors are OSErrors
             raise MachineError(f"The link over {self._port} is lost or takes no more data ({error}).") from error
+
+    def keep_board_awake(self) -> None:
+        """Let the board run on when the port is closed and opened again; most boards reset by default (HUPCL)."""
+        try:
+            settings = termios.tcgetattr(self._serial.fileno())
+            settings[2] &= ~termios.HUPCL
+            termios.tcsetattr(self._serial.fileno(), termios.TCSANOW, settings)
+        except (OSError, termios.error) as error:
+            raise MachineError(f"The link over {self._port} is lost ({error}).") from error
 
     def receive(self, within_s: float) -> str | None:
         """The next line, without its end; None if none is complete within that time."""

@@ -11,6 +11,7 @@ import math
 import os
 import pty
 import select
+import termios
 import threading
 import time
 import tty
@@ -55,7 +56,11 @@ class Faults:
 class SimulatedGrbl:
     """Simulates a pen: `trace` has each place where it stopped or turned, in millimetres, with the pen's S.
 
-    Time runs `hurry` times as fast as real time. `offset_mm` is the work coordinates' origin in the machine's.
+    Time runs `hurry` times as fast as real time. `offset_mm` is the work coordinates' origin in the machine's. The
+    settings 110 to 112 limit the rates of the axes, and 22=1 asks for a homing after each start.
+
+    With `boots_s` the board starts again, for so long, whenever its port is opened, unless it was closed with HUPCL
+    cleared: it takes the place where it stands for its zero, as an Arduino does.
     """
 
     def __init__(
@@ -65,6 +70,7 @@ class SimulatedGrbl:
         offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
         settings: dict[str, str] | None = None,
         version: str = "1.1h",
+        boots_s: float | None = None,
     ) -> None:
         self.faults = faults or Faults()
         self.lines: list[str] = []
@@ -85,7 +91,16 @@ class SimulatedGrbl:
         self._master, slave = pty.openpty()
         tty.setraw(slave)
         self.port = os.ttyname(slave)
-        self._slave = slave  # held open, so that the port outlives its users
+        self._boots_s, self._is_open, self._starts_at = boots_s, False, 0.0
+        self.starts = 0
+        self._slave: int | None = slave  # held open, so that the port outlives its users
+        self._greet()
+        if boots_s is not None:
+            line = termios.tcgetattr(slave)
+            line[2] |= termios.HUPCL  # as a serial port has it, and a pseudo-terminal has not
+            termios.tcsetattr(slave, termios.TCSANOW, line)
+            os.close(slave)  # so that the controller sees when the port is opened
+            self._slave = None
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="simulated-grbl", daemon=True)
         self._thread.start()
@@ -95,8 +110,7 @@ class SimulatedGrbl:
         self._ended.set()
         self._thread.join(5)
         if not self._hung_up:
-            os.close(self._master)
-            os.close(self._slave)
+            self.hang_up()
 
     def hang_up(self) -> None:
         """Take the port away at once, as when the plug is pulled."""
@@ -104,7 +118,8 @@ class SimulatedGrbl:
         self._thread.join(5)
         self._hung_up = True
         os.close(self._master)
-        os.close(self._slave)
+        if self._slave is not None:
+            os.close(self._slave)
 
     @property
     def place_mm(self) -> tuple[float, float, float]:
@@ -117,13 +132,46 @@ class SimulatedGrbl:
         return bool(self._queue) and self._state == "Run"
 
     def _run(self) -> None:
-        self._greet()
         while not self._ended.is_set():
+            if self._boots_s is not None and not self._is_awake(self._boots_s):
+                time.sleep(_TICK_S)
+                continue
             ready, _, _ = select.select([self._master], [], [], _TICK_S)
             if ready:
-                self._take(os.read(self._master, 4096))
+                self._take(self._read())
             self._advance()
             self._answer_waiting()
+
+    def _read(self) -> bytes:
+        try:
+            return os.read(self._master, 4096)
+        except OSError:  # nobody has the port open
+            return b""
+
+    def _is_awake(self, boots_s: float) -> bool:
+        """Whether somebody has the port open and the board has started since; what it is sent before is lost."""
+        look = select.poll()
+        look.register(self._master, select.POLLHUP)
+        is_open = not any(event & select.POLLHUP for _, event in look.poll(0))
+        resets = bool(termios.tcgetattr(self._master)[2] & termios.HUPCL)
+        if is_open and not self._is_open and resets:
+            self._starts_at = time.monotonic() + boots_s
+            self._queue.clear()
+            self._waiting.clear()
+        self._is_open = is_open
+        if not self._starts_at:
+            return is_open
+        if time.monotonic() < self._starts_at:
+            if is_open and select.select([self._master], [], [], 0)[0]:
+                self._read()
+            return False
+        self._starts_at, self._place, self._pen, self._text = 0.0, (0.0, 0.0, 0.0), 0, b""
+        self._state = "Alarm" if self._settings.get("22") == "1" else "Idle"
+        self.starts += 1
+        self._note(self._place)
+        if is_open:
+            self._greet()
+        return is_open
 
     def _take(self, data: bytes) -> None:
         for byte in data:
@@ -186,6 +234,11 @@ class SimulatedGrbl:
         if line == "$X":
             self._state = "Idle" if self._state == "Alarm" else self._state
             return "ok"
+        if line == "$H":
+            if self._settings.get("22") != "1":
+                return "error:5"
+            self._place, self._state = (0.0, 0.0, 0.0), "Idle"
+            return "ok"
         if line == "$$":
             for key, value in self._settings.items():
                 self._say(f"${key}={value}")
@@ -210,7 +263,10 @@ class SimulatedGrbl:
         begin = self._queue[-1].target if self._queue else self._place
         machine = [values.get(axis, self._work(begin)[i]) + self._offset[i] for i, axis in enumerate("XYZ")]
         target = (machine[0], machine[1], machine[2])
-        minutes = math.dist(begin, target) / values.get("F", 5000.0)
+        minutes = max(
+            math.dist(begin, target) / values.get("F", 5000.0),
+            *(abs(target[i] - begin[i]) / float(self._settings.get(f"11{i}", "inf")) for i in range(3)),
+        )
         self._queue.append(_Motion(target, 60 * minutes / self._hurry))
         return "ok"
 

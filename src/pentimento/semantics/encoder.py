@@ -23,6 +23,7 @@ from transformers import CLIPConfig, CLIPModel, CLIPTokenizer
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import at_least
+from pentimento.semantics.pretrained import check_pointers, load_pretrained, load_tokenizer
 
 _MEAN: Final = (0.48145466, 0.4578275, 0.40821073)
 _SPREAD: Final = (0.26862954, 0.26130258, 0.27577711)
@@ -131,26 +132,22 @@ class Encoder:
         downloaded.
 
         Raises:
-            ConfigError: the folder does not exist or holds something else.
+            ConfigError: the folder does not exist, or holds something else, a part of a model or damaged weights.
         """
         folder = Path(folder)
         try:
+            check_pointers(folder)
             config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
             kind = config.get("model_type")
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, AttributeError, ConfigError) as error:
             raise ConfigError(
                 f"{folder} is no folder of a CLIP model ({error}); give one with config.json, model.safetensors, "
                 "vocab.json and merges.txt, as openai/clip-vit-base-patch32 has."
             ) from error
         if kind != "clip":
             raise ConfigError(f"{folder} holds a model of type {kind!r}; the encoder must be of type 'clip'.")
-        try:
-            made = ConvolutionalCLIP if has_stem(config) else CLIPModel
-            model = made.from_pretrained(folder, local_files_only=True, use_safetensors=True, dtype=torch.float32)
-            tokenizer = CLIPTokenizer.from_pretrained(folder, local_files_only=True)
-        except (OSError, RuntimeError, ValueError) as error:
-            raise ConfigError(f"The CLIP model in {folder} cannot be read: {' '.join(str(error).split())}") from error
-        return cls(model, tokenizer)
+        model = load_pretrained(ConvolutionalCLIP if has_stem(config) else CLIPModel, folder, "The CLIP model")
+        return cls(model, load_tokenizer(folder, "The CLIP model", model.config.text_config.vocab_size))
 
     def save(self, folder: Path) -> None:
         """Write the published layout into an existing folder."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.semantics.pretrained import load_pretrained
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,10 @@ def _load_sam(folder: Path) -> Any:
     from transformers import SamModel
 
     try:
-        return SamModel.from_pretrained(folder, local_files_only=True, use_safetensors=True).eval()
-    except (OSError, RuntimeError, ValueError) as error:
+        return load_pretrained(SamModel, folder, "The SAM model")
+    except ConfigError as error:
         raise ConfigError(
-            f"{folder} holds no SAM model ({' '.join(str(error).split())}); give a folder like facebook/sam-vit-base."
+            f"{folder} holds no SAM model ({error}); give a folder like facebook/sam-vit-base."
         ) from error
 
 

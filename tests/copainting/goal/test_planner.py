@@ -1,11 +1,13 @@
 """Saving, loading and checking a goal planner, and its completions."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.copainting.goal.denoising import tokens_of
@@ -129,3 +131,126 @@ def test_rejects_incomplete_planner_folder(planner: GoalPlanner, tmp_path: Path,
             weights.write_bytes(content[: len(content) // 2])
     with pytest.raises(ConfigError, match="cannot be loaded as an Instruct-Pix2Pix pipeline"):
         load_goal_planner(folder)
+
+
+def rewritten(file: Path, change: Callable[[dict[str, torch.Tensor]], dict[str, torch.Tensor]]) -> None:
+    save_file(change(load_file(file)), file, {"format": "pt"})
+
+
+UNET, VAE, TEXT = (
+    f"{part}/model.safetensors" if part == "text_encoder" else f"{part}/diffusion_pytorch_model.safetensors"
+    for part in ("unet", "vae", "text_encoder")
+)
+
+
+@pytest.mark.parametrize("file", [UNET, VAE, TEXT])
+def test_a_part_that_is_not_whole_is_refused_by_name(planner: GoalPlanner, tmp_path: Path, file: str) -> None:
+    save_goal_planner(planner, tmp_path)
+    whole = (tmp_path / file).read_bytes()
+    faults: tuple[tuple[Callable[[], object], str], ...] = (
+        (lambda: (tmp_path / file).write_text("version https://git-lfs.github.com/spec/v1\n"), "is a pointer"),
+        (lambda: (tmp_path / file).write_bytes(whole[: len(whole) * 6 // 10]), "is cut off or damaged"),
+        (lambda: rewritten(tmp_path / file, lambda w: dict(list(w.items())[1:])), "lacks weights"),
+        (lambda: rewritten(tmp_path / file, lambda w: {f"{n}_": v for n, v in w.items()}), "lacks weights"),
+        (lambda: rewritten(tmp_path / file, lambda w: w | {"further.bias": torch.zeros(1)}), "has no place for"),
+        (
+            lambda: rewritten(tmp_path / file, lambda w: {n: torch.full_like(v, torch.nan) for n, v in w.items()}),
+            "not finite",
+        ),
+    )
+    for damage, sentence in faults:
+        (tmp_path / file).write_bytes(whole)
+        damage()
+        with pytest.raises(ConfigError, match=f"{file.partition('/')[0]} cannot be read: .*{sentence}"):
+            load_goal_planner(tmp_path)
+
+
+@pytest.mark.parametrize("file", [UNET, VAE, TEXT])
+def test_a_part_in_half_precision_is_asked_in_single_precision(
+    planner: GoalPlanner, inputs: np.ndarray, tmp_path: Path, file: str
+) -> None:
+    save_goal_planner(planner, tmp_path)
+    rewritten(tmp_path / file, lambda w: {name: value.half() for name, value in w.items()})
+    config = tmp_path / "text_encoder/config.json"
+    config.write_text(json.dumps(json.loads(config.read_text()) | {"dtype": "float16"}))
+    loaded = load_goal_planner(tmp_path)
+    parts = (loaded.unet, loaded.vae, loaded.text_encoder)
+    assert {weight.dtype for part in parts for weight in part.parameters()} == {torch.float32}
+    before, after = (complete(p, inputs[:1], CAPTIONS[:1], SeededSampling(3, 1.2, 2.0, 0)) for p in (planner, loaded))
+    assert np.abs(before.astype(int) - after).mean() < 2
+
+
+@pytest.mark.parametrize("missing", ["tokenizer/vocab.json", "scheduler/scheduler_config.json", "model_index.json"])
+def test_a_folder_without_a_tokenizer_or_a_sampler_is_refused(
+    planner: GoalPlanner, tmp_path: Path, missing: str
+) -> None:
+    save_goal_planner(planner, tmp_path)
+    (tmp_path / missing).unlink()
+    (tmp_path / "tokenizer/tokenizer.json").unlink()
+    with pytest.raises(ConfigError, match="cannot be loaded as an Instruct-Pix2Pix pipeline"):
+        load_goal_planner(tmp_path)
+
+
+BETAS = {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "EulerDiscreteScheduler",
+        "EulerAncestralDiscreteScheduler",
+        "DPMSolverMultistepScheduler",
+        "UniPCMultistepScheduler",
+        "LMSDiscreteScheduler",
+        "PNDMScheduler",
+        "DDPMScheduler",
+        "DDIMScheduler",
+        "HeunDiscreteScheduler",
+        "DEISMultistepScheduler",
+    ],
+)
+def test_whatever_the_sampler_was_ddim_does_not_clip_and_keeps_the_schedule(
+    planner: GoalPlanner, tmp_path: Path, name: str
+) -> None:
+    save_goal_planner(planner, tmp_path)
+    config = BETAS | {"_class_name": name, "num_train_timesteps": 1000, "timestep_spacing": "linspace"}
+    (tmp_path / "scheduler/scheduler_config.json").write_text(json.dumps(config))
+    loaded = load_goal_planner(tmp_path)
+    config = loaded.scheduler.config
+    kept = torch.cumprod(1 - torch.linspace(0.00085**0.5, 0.012**0.5, 1000) ** 2, dim=0)
+    assert (config.clip_sample, config.thresholding, config.prediction_type) == (False, False, "epsilon")
+    assert config.timestep_spacing == "leading"
+    assert torch.allclose(loaded.scheduler.alphas_cumprod, kept)
+    # A step from latents far outside -1 to 1 keeps them there.
+    loaded.scheduler.set_timesteps(4)
+    latents = torch.full((1, 4, 2, 2), 5.0)
+    clean = loaded.scheduler.step(torch.zeros_like(latents), 1, latents).pred_original_sample
+    assert torch.allclose(clean, latents / kept[1].sqrt())
+
+
+def test_a_sampler_that_clips_no_longer_does_and_a_zero_end_is_trailing(planner: GoalPlanner, tmp_path: Path) -> None:
+    save_goal_planner(planner, tmp_path)
+    file = tmp_path / "scheduler/scheduler_config.json"
+    clipping = {"_class_name": "DDIMScheduler", "clip_sample": True, "thresholding": True, "num_train_timesteps": 1000}
+    file.write_text(json.dumps(clipping | BETAS | {"timestep_spacing": "linspace", "rescale_betas_zero_snr": True}))
+    config = load_goal_planner(tmp_path).scheduler.config
+    assert (config.clip_sample, config.thresholding, config.timestep_spacing) == (False, False, "trailing")
+
+
+@pytest.mark.parametrize(
+    ("config", "sentence"),
+    [
+        ({"_class_name": "FlowMatchEulerDiscreteScheduler", "shift": 3.0}, "has no noise schedule"),
+        ({"_class_name": "EDMEulerScheduler", "sigma_min": 0.002}, "has no noise schedule"),
+        (BETAS | {"_class_name": "LCMScheduler"}, "of a distilled model"),
+        (BETAS | {"_class_name": "DPMSolverMultistepScheduler", "prediction_type": "flow_prediction"}, "'flow_predict"),
+        (BETAS | {"_class_name": "DPMSolverMultistepScheduler", "beta_schedule": "laplace"}, "laplace"),
+    ],
+)
+def test_a_sampler_without_such_a_schedule_is_refused(
+    planner: GoalPlanner, tmp_path: Path, config: dict[str, object], sentence: str
+) -> None:
+    save_goal_planner(planner, tmp_path)
+    (tmp_path / "scheduler/scheduler_config.json").write_text(json.dumps(config))
+    with pytest.raises(ConfigError, match=sentence):
+        load_goal_planner(tmp_path)

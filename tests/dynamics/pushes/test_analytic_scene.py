@@ -7,6 +7,7 @@ import pytest
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import canvas_to_stroke, pixel_to_canvas
+from pentimento.contracts.height_maps import surface_at_m
 from pentimento.dynamics.pushes.analytic_scene import (
     STATIONS,
     deepest_m,
@@ -60,8 +61,18 @@ def test_surface_at_start_matches_robot_reading() -> None:
 def test_rejects_push_starting_outside_window() -> None:
     samples = blank(3, 1)
     samples.action[1, 0] = 0.5
-    with pytest.raises(ContractError, match="outside its window"):
+    with pytest.raises(ContractError, match=r"outside its window .*Row 1 \(counted from 0\)"):
         scene_of(samples)
+
+
+def test_a_start_between_the_centres_of_coarse_pixels_is_inside_its_window() -> None:
+    """Of pixels of 5 mm, the nearest centre may be 3.5 mm away."""
+    window, action = np.array([[0.0, 0.0, 0.04, 0.04]]), np.array([[0.02, 0.02, 0.3, 0.01, 0.005]])
+    heights = np.full((1, 8, 8), 0.01)
+    heights[0, 3:5, 3:5] = [[0.02, 0.03], [0.04, 0.05]]
+    along, across = local_places(window, (8, 8), action=action, pixels_per_m=200.0)
+    assert surface_at_start(heights, along, across) == pytest.approx([0.035])
+    assert surface_at_m(heights[0], tuple(window[0]), 0.02, 0.02) == pytest.approx(0.035)
 
 
 def test_scene_rejects_pinches() -> None:

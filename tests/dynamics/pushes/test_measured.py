@@ -1,6 +1,7 @@
 """Loading of push tables: heights in metres, repairs, and errors about unusable rows."""
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -167,6 +168,27 @@ def test_averages_fine_scans_down() -> None:
     assert coarse.before.shape == (2, 30, 30)
     assert coarse.pixels_per_m == pytest.approx(250, rel=1e-6)
     np.testing.assert_allclose(coarse.before[0, 3, 4], whole.before[0, 6:8, 8:10].mean(), atol=1e-8)
+
+
+def test_the_rounding_of_windows_does_not_decide_how_far_a_scan_is_averaged_down() -> None:
+    """96 pixels over 10 cm anywhere are 960 a metre, up to single precision: 1.5 times what is asked for."""
+    rng = np.random.default_rng(0)
+    table = example_table(24)
+    for row, (x, y) in enumerate(rng.uniform(0, 0.4, (24, 2))):
+        window = np.array([x, y, x + 0.1, y + 0.1], np.float32).tolist()
+        action = [x + 0.05, y + 0.05, 0.0, 0.01, 0.005]
+        scan = image(0.04 + 0.001 * rng.random((96, 96)))
+        table = changed(table, row, before=scan, after=scan, window_m=window, action=action, order=row)
+    samples, repairs = load_pushes(table, pixels_per_m=640)
+    assert repairs.bad == {} and samples.before.shape == (24, 48, 48)
+    assert samples.pixels_per_m == pytest.approx(480, rel=1e-4)
+
+
+def test_holes_of_a_scan_that_is_finer_than_its_points_are_explained() -> None:
+    """Of pixels of 2 mm, half hold a point: of pixels of 3 mm, 1 − 0.5^2.25 = 79 % do."""
+    scan = np.where(np.random.default_rng(0).random((60, 60)) < 0.52, np.nan, 0.04)
+    _, repairs = load_pushes(changed(example_table(3), 1, before=image(scan)))
+    assert re.search(r"at most 50% may be \(a scan made of points needs pixels of about 3(\.\d)? mm\)", repairs.bad[1])
 
 
 def test_rejects_different_pixel_sizes() -> None:

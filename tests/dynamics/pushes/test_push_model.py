@@ -37,6 +37,13 @@ def test_rejects_folder_without_push_model(trained: Trained, tmp_path: Path) -> 
     with pytest.raises(ConfigError, match="holds no push model"):
         read_push_model(tmp_path)
     write_push_model(trained.model, tmp_path)
+    weights = tmp_path / "weights.safetensors"
+    whole = weights.read_bytes()
+    for broken in (whole[: len(whole) // 2], b"version https://git-lfs.github.com/spec/v1\n"):
+        weights.write_bytes(broken)
+        with pytest.raises(ConfigError, match="holds no push model"):
+            read_push_model(tmp_path)
+    weights.write_bytes(whole)
     config = tmp_path / "config.json"
     config.write_text(config.read_text().replace('"members": 2', '"members": 3'))
     with pytest.raises(ConfigError, match="holds no push model"):

@@ -50,6 +50,19 @@ def test_finer_photographs_are_averaged_down() -> None:
     assert float(fine.after.mean()) == pytest.approx(float(coarse.after.mean()), abs=1e-4)
 
 
+def test_the_rounding_of_windows_does_not_decide_how_far_a_photograph_is_averaged_down() -> None:
+    rng = np.random.default_rng(0)
+    rows = []
+    for number, (x, y) in enumerate(rng.uniform(0, 0.3, (16, 2))):
+        line = LINE + np.array([0, x, y, 0, 0])
+        row = stroke_row(line, WHITE, drawn(STROKE), number)
+        window = np.array([x + 0.01, y + 0.02, x + 0.07, y + 0.06], np.float32)
+        rows.append(row | {"window_m": window.tolist()})
+    samples = load_samples(table(rows), 9, 2000.0 / 1.5, 0.05)
+    assert samples.after.shape[1:3] == (40, 60)
+    assert torch.allclose(samples.pixels_per_m, torch.tensor(1000.0), rtol=1e-3)
+
+
 def test_windows_of_other_sizes_are_padded_and_the_padding_does_not_count() -> None:
     long = LINE.copy()
     long[:, 1] = np.linspace(0.02, 0.06, 5)

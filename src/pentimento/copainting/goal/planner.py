@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 import torch
@@ -21,11 +21,14 @@ from transformers import CLIPModel, CLIPTextModel, CLIPTokenizer
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.ranges import at_least
 from pentimento.copainting.jobs import generator_for
+from pentimento.semantics.pretrained import check_pointers, load_pretrained, load_tokenizer, unreadable
 
 GoalPlanner: TypeAlias = StableDiffusionInstructPix2PixPipeline
 Prediction = Literal["epsilon", "v_prediction", "sample"]
+_PREDICTIONS: Final = ", ".join(get_args(Prediction))
 
 _TRAIN_TIMESTEPS: Final = 1000  # as in Stable Diffusion
+_DISTILLED: Final = ("LCMScheduler", "TCDScheduler")
 _GROUPS: Final = 8  # of channels, in the group normalisation of a small UNet
 _ATTENDING: Final = 2  # of a small UNet's resolutions, the coarsest: they attend to the text
 _CHUNK: Final = 16  # pictures in one call of the pipeline
@@ -138,30 +141,64 @@ def load_goal_planner(source: str | Path) -> GoalPlanner:
     """A goal planner from a folder in diffusers' layout, or a published one by name, if it was downloaded before.
 
     Nothing is downloaded, and only safetensors are read. The scheduler is replaced by DDIM with the same noise
-    schedule, whose sampling is deterministic after the initial noise.
+    schedule, whose sampling is deterministic after the initial noise; it never clips.
 
     Raises:
         ConfigError: nothing there, an incomplete folder, another pipeline, or parts that do not fit together.
     """
     try:
-        folder = source if Path(source).is_dir() else snapshot_download(str(source), local_files_only=True)
-        planner = GoalPlanner.from_pretrained(
-            folder,
-            scheduler=DDIMScheduler.from_pretrained(folder, subfolder="scheduler", local_files_only=True),
-            safety_checker=None,
-            requires_safety_checker=False,
-            local_files_only=True,
-            use_safetensors=True,
-            dtype=torch.float32,
+        with unreadable("It"):
+            folder = Path(source)
+            if not folder.is_dir():
+                folder = Path(snapshot_download(str(source), local_files_only=True))
+        text_encoder, vae, unet = (
+            load_pretrained(kind, folder, "The weights", subfolder=part)
+            for part, kind in (
+                ("text_encoder", CLIPTextModel),
+                ("vae", AutoencoderKL),
+                ("unet", UNet2DConditionModel),
+            )
         )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        reason = " ".join(str(error).split())
+        words = text_encoder.config.vocab_size
+        tokenizer = load_tokenizer(folder, "The tokenizer", words, subfolder="tokenizer")
+        with unreadable("It"):
+            planner = GoalPlanner.from_pretrained(
+                folder, text_encoder=text_encoder, vae=vae, unet=unet, tokenizer=tokenizer,
+                scheduler=_scheduler(folder), safety_checker=None, requires_safety_checker=False,
+                local_files_only=True, use_safetensors=True, dtype=torch.float32,
+            )  # fmt: skip
+    except ConfigError as error:
+        reason = str(error).rstrip(".")
         raise ConfigError(
-            f"The goal planner {source} cannot be loaded as an Instruct-Pix2Pix pipeline ({reason[:300]}); give a "
+            f"The goal planner {source} cannot be loaded as an Instruct-Pix2Pix pipeline ({reason}); give a "
             "folder in diffusers' layout, or download the published one first."
         ) from error
     _check_shapes(planner, source)
     return _quiet(planner)
+
+
+def _scheduler(folder: Path) -> DDIMScheduler:
+    """DDIM for the noise schedule of any sampler that has one: steps as the folder says, or leading as published.
+
+    Raises:
+        ConfigError: the sampler has no noise schedule of betas, as those of flow matching, or is of a distilled model.
+    """
+    check_pointers(folder / "scheduler")
+    config = DDIMScheduler.load_config(folder, subfolder="scheduler", local_files_only=True)
+    name = config.get("_class_name")
+    if name in _DISTILLED:
+        raise ConfigError(f"its sampler {name} is of a distilled model, which DDIM does not sample")
+    if not (config.keys() >= {"beta_start", "beta_end", "beta_schedule"} or config.get("trained_betas") is not None):
+        raise ConfigError(f"its sampler {name} has no noise schedule (beta_start, beta_end, beta_schedule)")
+    prediction = config.get("prediction_type", "epsilon")
+    if prediction not in get_args(Prediction):
+        raise ConfigError(f"its sampler {name} has the prediction type {prediction!r}, not one of {_PREDICTIONS}")
+    spacing = config.get("timestep_spacing")
+    if spacing not in ("leading", "trailing"):
+        spacing = "trailing" if config.get("rescale_betas_zero_snr") else "leading"
+    return DDIMScheduler.from_config(
+        config, clip_sample=False, thresholding=False, prediction_type=prediction, timestep_spacing=spacing
+    )
 
 
 def save_goal_planner(planner: GoalPlanner, folder: Path) -> None:

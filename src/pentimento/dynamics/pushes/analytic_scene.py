@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
+from pentimento.contracts.tables import row_list
 from pentimento.dynamics.pushes.measured import PushSamples
 
 Array = NDArray[Any]
@@ -171,10 +172,16 @@ def surface_at_start(height_m: Array, along: Array, across: Array) -> Array:
 
 
 def _near_start(along: Array, across: Array) -> Array:
-    """Mask of the places near each push's start, bool[B, H, W]."""
-    near = np.hypot(along, across) <= _NEAR_M + 1e-9
-    if not np.any(near, axis=(1, 2)).all():
-        raise ContractError("The start of a push lies outside its window: record scans that show it.")
+    """Mask of the places near each push's start, bool[B, H, W]: within 3 mm, or three quarters of a larger pixel."""
+    pixel_m = np.hypot(along[..., :1, 1:2] - along[..., :1, :1], across[..., :1, 1:2] - across[..., :1, :1])
+    near_m = np.maximum(_NEAR_M, 0.75 * pixel_m) if pixel_m.size else _NEAR_M
+    near = np.hypot(along, across) <= near_m + 1e-9
+    outside = np.flatnonzero(~np.any(near, axis=(1, 2)))
+    if len(outside):
+        raise ContractError(
+            f"The start of a push lies outside its window (of the pushes that are used, {row_list(outside.tolist())}): "
+            "record scans that show it."
+        )
     return np.asarray(near)
 
 

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from pentimento.contracts import frames
 from pentimento.contracts.errors import ContractError, PentimentoError
+from pentimento.contracts.frames import coarsening
 from pentimento.contracts.height_maps import decode_height_m, level, surface_at_m
+from pentimento.contracts.images import png_shape
 from pentimento.contracts.tables import MAX_BAD_SHARE, reason_list, row_fingerprint, row_list
 from pentimento.planning.pushes.holes import fill_holes
 
@@ -106,7 +108,7 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
     """Rows of a table that keeps the ``pushes`` contract, as arrays, and the repairs made.
 
     Args:
-        pixels_per_m: finer scans are averaged down, by a whole factor, to about this.
+        pixels_per_m: finer scans are averaged down, by one whole factor, to about this.
 
     Raises:
         ContractError: there is no row, more than 1 % of the rows (and more than one) are unusable, or they differ in
@@ -118,10 +120,11 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
     bad: dict[int, str] = {}
     copies: list[int] = []
     seen: set[bytes] = set()
+    factors = coarsening([_scale(table.slice(number, 1)) for number in range(table.num_rows)], pixels_per_m)
     for number in range(table.num_rows):
         row = table.slice(number, 1).to_pylist()[0]
         try:
-            sample = _load_row(row, pixels_per_m)
+            sample = _load_row(row, int(factors[number]))
         except PentimentoError as error:
             bad[number] = str(error)
             continue
@@ -134,14 +137,23 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
     if len(bad) > max(1, math.floor(MAX_BAD_SHARE * table.num_rows)) or 0 < len(bad) == table.num_rows:
         raise ContractError(
             f"{len(bad)} of {table.num_rows} rows of the pushes table cannot be used ({row_list(list(bad))}): "
-            f"{reason_list(bad)}. Repair the recording; at most 1 % of the rows is left out."
+            f"{reason_list(bad)}. Record them again or take them out; at most 1 % of the rows is left out."
         )
     samples = _stacked(list(loaded.values()), table.take(list(loaded)))
     tilted = sum(sample.tilted for sample in loaded.values())
     return samples, Repairs(table.num_rows, bad, tuple(copies), tilted, float(1 - samples.known.mean()))
 
 
-def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
+def _scale(row: pa.Table) -> float:
+    """Pixels a metre of a table's one row as recorded; NaN where it cannot be told, which loading the row explains."""
+    try:
+        (values,) = row.select(["before", "window_m"]).to_pylist()
+        return frames.pixels_per_m(png_shape(values["before"]["bytes"]), values["window_m"])
+    except (PentimentoError, TypeError):
+        return math.nan
+
+
+def _load_row(row: dict[str, Any], factor: int) -> _Row:
     action = np.asarray(row["action"], dtype=np.float64)
     window = np.asarray(row["window_m"], dtype=np.float64)
     _check_action(action, row["kind"], window)
@@ -150,7 +162,10 @@ def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
     for name, height in (("before", before), ("after", after)):
         holes = float(np.isnan(height).mean())
         if holes > _MAX_HOLES:
-            raise ContractError(f"{holes:.0%} of its scan {name} are holes")
+            raise ContractError(
+                f"{holes:.0%} of its scan {name} are holes, and at most {_MAX_HOLES:.0%} may be (a scan made of points "
+                f"needs pixels of about {_dense_mm(holes, frames.pixels_per_m(height.shape, window)):.2g} mm)"
+            )
         if not abs(float(np.nanmedian(height))) < _MAX_LENGTH_M:
             raise ContractError(
                 f"its heights {name} are about {float(np.nanmedian(height)):.3g} m: give height_per_unit_m in metres, "
@@ -159,11 +174,20 @@ def _load_row(row: dict[str, Any], pixels_per_m: float) -> _Row:
     # From the scan before at full resolution, as the robot read it; holes of the scan after do not matter here.
     surface_m = surface_at_m(before, tuple(window), action[0], action[1])
     scale = frames.pixels_per_m(before.shape, window)
-    factor = max(round(scale / pixels_per_m), 1)
     height, width = (side // factor * factor for side in before.shape)
     kept = window + np.array([0.0, (before.shape[0] - height) / scale, (width - before.shape[1]) / scale, 0.0])
     before, after = _averaged(before, factor), _averaged(after, factor)
     return _Row(before, after, action, kept, scale / factor, surface_m, tilted)
+
+
+def _dense_mm(holes: float, pixels_per_m: float) -> float:
+    """Pixels of which a fifth would be holes, if the points of a scan with this share of holes are spread evenly.
+
+    Pixels of side s without a point have the share exp(-density s²).
+    """
+    if holes >= 1:
+        return math.inf
+    return 1000 / pixels_per_m * math.sqrt(math.log(0.2) / math.log(holes))
 
 
 def _check_action(action: NDArray[np.float64], kind: str, window: NDArray[np.float64]) -> None:

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
@@ -91,7 +92,7 @@ def read_push_model(folder: Path) -> PushModel:
         contexts = tuple((str(material), str(tool)) for material, tool in config.pop("contexts"))
         model = PushModel(PushFacts(contexts=contexts, crop=Crop(**config.pop("crop")), **config))
         model.load_state_dict(weights)
-    except (OSError, KeyError, TypeError, ValueError, RuntimeError) as error:
+    except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
         raise ConfigError(
             f"{folder} holds no push model ({error}): give the weights/ of one that train_push_dynamics wrote."
         ) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -64,9 +65,10 @@ def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: fl
     if not rows:
         raise ContractError("The strokes table has no rows: collect strokes first, or check its quarantine report.")
     loaded = []
+    factors = frames.coarsening([_scale(row) for row in rows], pixels_per_m)
     for number, row in enumerate(rows):
         try:
-            loaded.append(_load_row(row, points, pixels_per_m, margin_m=margin_m))
+            loaded.append(_load_row(row, points, int(factors[number]), margin_m=margin_m))
         except PentimentoError as error:
             raise ContractError(f"Row {number} of the strokes table: {error}") from error
     height = max(one.before.shape[0] for one in loaded)
@@ -132,7 +134,15 @@ class _Row:
     pixels_per_m: float
 
 
-def _load_row(row: dict[str, object], points: int, pixels_per_m: float, *, margin_m: float) -> _Row:
+def _scale(row: dict[str, object]) -> float:
+    """Pixels a metre of a row as recorded; NaN where it cannot be told, which loading the row explains."""
+    try:
+        return frames.pixels_per_m(images.png_shape(row["before"]["bytes"]), row["window_m"])  # type: ignore[index, arg-type]
+    except (PentimentoError, TypeError):
+        return math.nan
+
+
+def _load_row(row: dict[str, object], points: int, coarser: int, *, margin_m: float) -> _Row:
     path = np.asarray(row["path"], dtype=float)
     window = np.asarray(row["window_m"], dtype=float)
     color = row.get("color_srgb")
@@ -145,7 +155,6 @@ def _load_row(row: dict[str, object], points: int, pixels_per_m: float, *, margi
     share = inked_share(*(torch.from_numpy(np.asarray(x, dtype=np.float32)) for x in (before, after, color))).numpy()
     touched = _ink_of_this_stroke(share, frames.canvas_to_pixel(path[:, 1:3], trimmed, scale))
     after = np.where(touched[..., None], after, before)
-    coarser = max(round(scale / pixels_per_m), 1)
     before, after = _averaged(before, coarser), _averaged(after, coarser)
     return _Row(resample_path(path, points), before, after, color, trimmed[[0, 3]], float(scale / coarser))
 
