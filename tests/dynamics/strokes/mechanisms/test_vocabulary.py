@@ -43,7 +43,7 @@ MODEL = Traj2Stroke(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 1e-3, 0.5
 
 
 def context(press_step_m: float = 2e-4) -> StrokeContext:
-    """Strokes of all kinds, with three depths of press, with everything recorded that a cause may depend on; double precision."""
+    """Strokes of all kinds, with three depths of press and all that a cause may depend on; double precision."""
     rng = np.random.default_rng(0)
     t = np.linspace(0, 1, POINTS)
     paths = []
