@@ -2,8 +2,10 @@
 
 import numpy as np
 import pyarrow as pa
+import pytest
 
-from pentimento.diagnosis.strokes.measured import covariates_of, mixes
+from pentimento.contracts.images import image_cell
+from pentimento.diagnosis.strokes.measured import common_resolution, covariates_of, mixes
 
 ROWS = 40
 
@@ -58,3 +60,17 @@ def test_session_with_few_loads_has_no_own_mix() -> None:
     session, block = np.repeat([0, 1], [70, 10]), np.arange(80) // 4
     color = np.tile([0.1, 0.2, 0.3], (80, 1))
     np.testing.assert_array_equal(mixes(color, session, block), 0)
+
+
+def test_resolution_is_that_of_the_largest_window_wherever_its_row_is() -> None:
+    """A window of 200 x 100 pixels at 10 px/mm beside ten of 100 x 100: two pixels become one."""
+    sizes_px = [(100, 100)] * 10 + [(100, 200)]
+    rows = [
+        {
+            "window_m": [0.0, 0.0, width * 1e-4, height * 1e-4],
+            "before": image_cell(np.zeros((height, width, 3), np.uint8)),
+        }
+        for height, width in sizes_px
+    ]
+    for order in (rows, rows[::-1]):
+        assert common_resolution(pa.Table.from_pylist(order)) == pytest.approx(5000)

@@ -3,8 +3,8 @@
 Three layouts are supported: a folder in COCO's layout (`annotations/captions_*.json` beside folders of pictures), an
 image folder as for `datasets` (pictures beside or below `metadata.csv`, `.jsonl` or `.parquet` with `file_name` and
 `caption`, `captions` or `text`), and Parquet with an image column and one of these. Nothing is downloaded. Every
-picture is used, or left out and counted by reason; names such as `train` and `test` mean nothing, because the seed draws
-the split.
+picture is used, or left out and counted by reason; names such as `train` and `test` mean nothing, because the seed
+draws the split.
 """
 
 from __future__ import annotations

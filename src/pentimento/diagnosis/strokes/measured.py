@@ -91,7 +91,7 @@ def load_measured(table: pa.Table) -> Measured:
     Raises:
         ContractError: the table has no rows, or a row (it is named) makes no sample.
     """
-    samples = load_samples(table, _POINTS, _resolution(table), 1.0)
+    samples = load_samples(table, _POINTS, common_resolution(table), 1.0)
     before = torch.from_numpy(np.stack([_denoised(image) for image in samples.before.numpy()]))
     samples = samples._replace(before=before, before_linear=srgb_to_linear(before))
     block = _loads(table)
@@ -176,14 +176,13 @@ def _few_filled(name: str, values: Array, order: Array, within: Array) -> Array:
     return values
 
 
-def _resolution(table: pa.Table) -> float:
-    """Pixels a metre at which the first windows have no side longer than ``_LARGEST_SIDE_PX``."""
+def common_resolution(table: pa.Table) -> float:
+    """Pixels a metre at which no window has a side longer than ``_LARGEST_SIDE_PX``."""
     finest = np.inf
-    for row in table.select(["window_m", "before"]).slice(0, 8).to_pylist():
-        shape = images.decode_png(row["before"]["bytes"]).shape
-        window = row["window_m"]
-        scale = shape[1] / max(window[2] - window[0], 1e-9)
-        finest = min(finest, scale / max(np.ceil(max(shape[:2]) / _LARGEST_SIDE_PX), 1.0))
+    for window, before in zip(table["window_m"].to_pylist(), table["before"].to_pylist(), strict=True):
+        height, width = images.png_shape(before["bytes"])
+        scale = width / max(window[2] - window[0], 1e-9)
+        finest = min(finest, scale / max(np.ceil(max(height, width) / _LARGEST_SIDE_PX), 1.0))
     return float(finest)
 
 
