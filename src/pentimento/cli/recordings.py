@@ -86,7 +86,8 @@ def _card(arguments: argparse.Namespace) -> None:
 def _enough(arguments: argparse.Namespace) -> None:
     with workshop("fit models"):
         from pentimento.dynamics.strokes.learning_curve import learning_curve_of
-    curve = learning_curve_of(arguments.rows, arguments.seed)
+    curve, sampling = learning_curve_of(arguments.rows, arguments.seed)
+    print(sampling.sentence)
     for line in curve.lines():
         print(line)
     print(curve.sentence)
