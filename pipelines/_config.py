@@ -131,7 +131,7 @@ def _build_plain(value: Any, kind: Any, key: str) -> Any:
 
 
 def _is_word(value: Any, kind: Any) -> bool:
-    """Whether the value is one of the words that a field such as `float | Literal["auto"]` allows in place of a number."""
+    """Whether the value is a word that a field such as `float | Literal["auto"]` allows in place of a number."""
     return any(get_origin(part) is Literal and value in get_args(part) for part in get_args(kind))
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -210,17 +210,39 @@ def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: st
     Raises:
         ContractError: the file of paths cannot be read, or no stroke of it can be used; nothing is written.
     """
-    strokes = read_paths(paths)
+
+    def row(_: int, stroke: RecordedPath, given: Mapping[str, Any]) -> dict[str, Any]:
+        if stroke.fault is not None:
+            raise Refused(stroke.fault)
+        before, after = (_photo(photos, f"{stroke.name}_{when}") for when in ("before", "after"))
+        return stroke_row(stroke, before, after, placement, given)
+
+    return import_strokes(paths, read_paths(paths), row, tool, out)
+
+
+def import_strokes(
+    paths: Path,
+    strokes: list[RecordedPath],
+    row_of_stroke: Callable[[int, RecordedPath, Mapping[str, Any]], dict[str, Any]],
+    tool: str,
+    out: Path,
+) -> Imported:
+    """Write the rows of a file's strokes as ``import_photo_pairs`` does.
+
+    Args:
+        row_of_stroke: makes a row of a stroke's place in the file, the stroke, and values of columns for which it has
+            none, or raises ``Refused``.
+
+    Raises:
+        ContractError: no stroke can be used; nothing is written.
+    """
     rows: list[dict[str, Any]] = []
     refused: dict[str, list[str]] = {}
-    first: dict[str, int] = {}
+    first: dict[int, int] = {}
     for number, stroke in enumerate(strokes):
         given = {"session": paths.stem, "order": number, "action_id": number, "tool": tool}
         try:
-            if stroke.fault is not None:
-                raise Refused(stroke.fault)
-            before, after = (_photo(photos, f"{stroke.name}_{when}") for when in ("before", "after"))
-            row = stroke_row(stroke, before, after, placement, given)
+            row = row_of_stroke(number, stroke, given)
             if row["action_id"] in first and len(strokes[first[row["action_id"]]].path) != len(stroke.path):
                 raise Refused("its action_id is that of a stroke with another number of points")
         except Refused as reason:

@@ -77,9 +77,7 @@ def constant_width(half_width_m: float, opacity: float) -> Traj2StrokeParameters
     return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1e-4, half_width_m, HARD_EDGE, opacity)
 
 
-def fit_polyline(
-    error: Callable[[Traj2StrokeParameters], float], half_width_m: float = 2e-3
-) -> Traj2StrokeParameters:
+def fit_polyline(error: Callable[[Traj2StrokeParameters], float], half_width_m: float = 2e-3) -> Traj2StrokeParameters:
     """The pen with the smallest ``error``.
 
     Args:

@@ -2,8 +2,8 @@
 
 Shares are nested and double in size; the held-out actions are always the same. The gain of a doubling is the relative
 fall of their mean error, with an interval from a paired bootstrap over held-out actions. The strokes are enough when
-even the upper end of the interval is a small gain. A curve that rises beyond its interval is unsure: more strokes of the
-same kind do no harm, so that one of its fits has failed.
+even the upper end of the interval is a small gain. A curve whose error rises beyond its interval is unsure: more
+strokes of the same kind do no harm, so that one of its fits has failed.
 """
 
 from __future__ import annotations
@@ -88,9 +88,9 @@ class LearningCurve:
             worse = self.gains[self.rise]
             return (
                 f"Unsure: from {self.strokes[self.rise]} to {self.strokes[self.rise + 1]} strokes the error rises by "
-                f"{-100 * worse.value:.1f} % (95 %: {-100 * worse.high:.1f} % to {-100 * worse.low:.1f} %). More strokes "
-                "do no harm, so one of the fits has failed, and the curve gives no advice. Try another --seed; if it "
-                "stays so, look at the photographs and at color_srgb."
+                f"{-100 * worse.value:.1f} % (95 %: {-100 * worse.high:.1f} % to {-100 * worse.low:.1f} %). More "
+                "strokes do no harm, so one of the fits has failed, and the curve gives no advice. Try another --seed; if "
+                "it stays so, look at the photographs and at color_srgb."
             )
         gained = (
             f"the last doubling gained {_percent(last.value)} (95 %: {_percent(last.low)} to {_percent(last.high)})"

@@ -1,7 +1,7 @@
-"""The resolution and the margin at which a table's photographs are compared with a model, from line width and windows.
+"""Resolution and margin at which a table's photographs are compared with a model, by the line's width and the windows.
 
-A photograph is coarse enough when a window is quick to render, and fine enough when a line is several pixels wide. Below
-about one pixel, a wide pale line and a narrow dark one look the same, and a fit lands in either.
+A photograph is coarse enough when a window is quick to render, and fine enough when a line is several pixels wide.
+Below about one pixel, a wide pale line and a narrow dark one look the same, and a fit lands in either.
 """
 
 from __future__ import annotations
