@@ -89,8 +89,8 @@ class LearningCurve:
             return (
                 f"Unsure: from {self.strokes[self.rise]} to {self.strokes[self.rise + 1]} strokes the error rises by "
                 f"{-100 * worse.value:.1f} % (95 %: {-100 * worse.high:.1f} % to {-100 * worse.low:.1f} %). More "
-                "strokes do no harm, so one of the fits has failed, and the curve gives no advice. Try another --seed; if "
-                "it stays so, look at the photographs and at color_srgb."
+                "strokes do no harm, so one of the fits has failed, and the curve gives no advice. Try another --seed; "
+                "if it stays so, look at the photographs and at color_srgb."
             )
         gained = (
             f"the last doubling gained {_percent(last.value)} (95 %: {_percent(last.low)} to {_percent(last.high)})"
