@@ -81,7 +81,7 @@ def fit_polyline(error: Callable[[Traj2StrokeParameters], float], half_width_m: 
     """The pen with the smallest ``error``.
 
     Args:
-        half_width_m: roughly the pen's. Two decades around its order of magnitude are searched.
+        half_width_m: roughly the pen's. Two decades around its order of magnitude are tried.
     """
     middle = 2e-3 * 10 ** round(math.log10(half_width_m / 2e-3))
     width, opacity = middle, 0.95

@@ -27,9 +27,9 @@ _POOR_LINE_PX: Final = 1.5
 """Width of a line below which width and darkness are hard to tell apart."""
 _NEAR_M: Final = 0.012
 """Margin of wide tools: errors of placement depend on the robot and the camera, not on the line."""
-_MOST_WIDTHS: Final = 10.0
+_MAX_WIDTHS: Final = 10.0
 """Margin of thin tools, in line widths."""
-_LEAST_WIDTHS: Final = 1.5
+_MIN_WIDTHS: Final = 1.5
 """Margin of very wide tools: half a width for the line, and a whole one for its displacement."""
 
 
@@ -107,7 +107,7 @@ def _line_width_m(row: RowExtent) -> float:
 
 def _margin_m(rows: Sequence[RowExtent], width_m: float) -> float:
     """By the line's width, but no more than any window has."""
-    wanted = min(_MOST_WIDTHS * width_m, max(_LEAST_WIDTHS * width_m, _NEAR_M))
+    wanted = min(_MAX_WIDTHS * width_m, max(_MIN_WIDTHS * width_m, _NEAR_M))
     stored = max(max(row.paper_m) for row in rows)
     return min(wanted, stored) if stored > 0 else wanted
 

@@ -24,7 +24,7 @@ from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2Stro
 Log = Callable[[str, float, int], None]
 
 _MIN_CONTACT = 0.25
-"""Least half-width at contact that a fit starts from, as a share of the mean half-width."""
+"""Minimum half-width at contact that a fit starts from, as a share of the mean half-width."""
 _MAX_SLOPE = 50.0  # metres of half-width for each metre of press; more means a table in millimetres
 
 
@@ -123,8 +123,8 @@ def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
             "paths and windows are in metres."
         )
     contact = float(half.mean() - slope * press.mean()) if len(press) else 1e-3
-    least = _MIN_CONTACT * float(half.mean()) if len(press) else contact
-    return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), slope, max(contact, least), 0.3, 0.9)
+    minimum = _MIN_CONTACT * float(half.mean()) if len(press) else contact
+    return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), slope, max(contact, minimum), 0.3, 0.9)
 
 
 def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stroke:
