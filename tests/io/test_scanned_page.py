@@ -132,6 +132,13 @@ def test_a_path_over_another_and_one_off_the_page_are_counted(tmp_path: Path) ->
     }
 
 
+def test_no_path_on_the_page_is_one_sentence(tmp_path: Path) -> None:
+    write_png(tmp_path / "page.png", page())
+    off = paths(tmp_path, {"off": ((20.0, 40.0), (300.0, 40.0))})
+    with pytest.raises(ContractError, match=r"None of the 1 strokes .*its path leaves the photograph"):
+        import_page(off, tmp_path / "page.png", None, PLACE, "quill", tmp_path / "out")
+
+
 def test_command_takes_a_page_in_place_of_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_png(tmp_path / "page.png", page())
     common = ["import", str(paths(tmp_path)), "--window", WINDOW, "--tool", "quill", "--out", str(tmp_path / "out")]

@@ -99,11 +99,13 @@ def import_page(paths: Path, page: Path, blank: Path | None, placement: Placemen
         except Refused:
             continue  # import_strokes refuses and counts it
     order = sorted(placed, key=lambda number: strokes[number].about.get("order", number))
-    owned = divided(picture, bare, np.array(placement.window_m(shape)), [placed[number] for number in order])
+    whole = np.array(placement.window_m(shape))
+    owned = divided(picture, bare, whole, [placed[number] for number in order]) if order else None
     places = {number: place for place, number in enumerate(order)}
 
     def row(number: int, stroke: RecordedPath, given: Mapping[str, Any]) -> dict[str, Any]:
         path = placed_path(stroke, placement, shape)
+        assert owned is not None  # at least this path is placed
         margin = min(_REACHES * owned.reach_m, MARGIN_M)
         window = snap_window(window_around(path, margin), owned.window_m, shape)
         before, after = owned.before_and_after(places[number], window)
