@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
@@ -44,7 +45,7 @@ def main(arguments: argparse.Namespace) -> None:
         polyline = fit_polyline(lambda pen: mean_squared_error(predict_with(pen, training), training), half_width_m)
         # The polyline of minimum MSE may be too faint to count as ink, so the IoU has a baseline of its own.
         crisp = fit_polyline(lambda pen: -mean_iou(predict_with(pen, training), training), half_width_m)
-        metrics = {
+        metrics: dict[str, Any] = {
             "training": _scores(parameters, polyline, crisp, training),
             "held_out": _scores(parameters, polyline, crisp, held_out),
             "strokes": {

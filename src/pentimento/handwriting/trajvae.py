@@ -93,7 +93,8 @@ def reconstruction_errors_mm(model: TrajVAE, strokes: Strokes) -> Tensor:
     """[B] mean distance, mm, of each stroke's points from their reconstruction from its mean latent."""
     with torch.no_grad():
         xy, _ = model.decode(model.encode(strokes)[0])
-    return (xy - strokes.xy_m).norm(dim=-1).mean(-1) * 1e3
+    errors: Tensor = (xy - strokes.xy_m).norm(dim=-1).mean(-1) * 1e3
+    return errors
 
 
 def _perceptron(inputs: int, width: int, outputs: int) -> nn.Sequential:

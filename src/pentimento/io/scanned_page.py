@@ -145,11 +145,9 @@ def _distance_px(path_px: FloatArray, shape: tuple[int, ...]) -> NDArray[np.floa
 def _reach_px(picture: Picture, blank: Picture | None, distance: NDArray[np.float32], farthest_px: float) -> float:
     """Distance from the paths at which the mean contrast with the paper has fallen to that of the paper."""
     near = distance < farthest_px
-    if blank is not None:
-        paper = blank[near]
-    else:
-        paper = np.median(picture[~near] if (~near).any() else picture.reshape(-1, 3), axis=0)
-    contrast = np.abs(picture[near] - np.asarray(paper, np.float32)).mean(-1) / 255
+    far = picture[~near] if (~near).any() else picture.reshape(-1, 3)
+    paper = np.median(far, axis=0) if blank is None else blank[near].astype(np.float64)
+    contrast = np.abs(picture[near] - paper).mean(-1) / 255
     bins = distance[near].astype(int)
     count = np.bincount(bins)
     profile = np.bincount(bins, contrast)[count > 0] / count[count > 0]

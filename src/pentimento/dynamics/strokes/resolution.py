@@ -90,8 +90,8 @@ def choose_sampling(rows: Sequence[RowExtent], pixels_per_m: float | Auto, margi
             "unknown: look at the table's photographs, windows and color_srgb."
         )
     width = float(np.median([_line_width_m(row) for row in inked]))
-    margin = _margin_m(rows, width) if margin_m == "auto" else margin_m
-    scale = _pixels_per_m(rows, width, margin) if pixels_per_m == "auto" else pixels_per_m
+    margin = _margin_m(rows, width) if isinstance(margin_m, str) else margin_m
+    scale = _pixels_per_m(rows, width, margin) if isinstance(pixels_per_m, str) else pixels_per_m
     return Sampling(scale, margin, width)
 
 
