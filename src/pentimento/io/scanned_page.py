@@ -146,7 +146,7 @@ def _reach_px(picture: Picture, blank: Picture | None, distance: NDArray[np.floa
     """Distance from the paths at which the mean contrast with the paper has fallen to that of the paper."""
     near = distance < farthest_px
     far = picture[~near] if (~near).any() else picture.reshape(-1, 3)
-    paper = np.median(far, axis=0) if blank is None else blank[near].astype(np.float64)
+    paper = (np.median(far, axis=0) if blank is None else blank[near]).astype(np.float32)
     contrast = np.abs(picture[near] - paper).mean(-1) / 255
     bins = distance[near].astype(int)
     count = np.bincount(bins)
