@@ -1,8 +1,8 @@
 """Parses a stage's section of params.yaml into the stage's frozen config dataclass.
 
 Every field of the dataclass must be in the file, and every key in the file must be a field: defaults are in params.yaml
-only. Lengths, times, angles and speeds may have a unit: a text for a field whose name ends in `_m`, `_s`, `_rad`,
-`_m_s` or `_m_s2` is parsed, e.g. `press_m: 2 mm`.
+only. Lengths, times, angles, speeds and resolutions may have a unit: a text for a field whose name ends in `_m`, `_s`,
+`_rad`, `_m_s`, `_m_s2` or `pixels_per_m` is parsed, e.g. `press_m: 2 mm`, `pixels_per_m: 5 px/mm`.
 """
 
 import json
@@ -11,7 +11,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
-from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
@@ -21,7 +21,9 @@ from pipelines._params import read_params
 
 T = TypeVar("T")
 
-_UNIT_OF_SUFFIX = {"_m_s2": "m/s^2", "_m_s": "m/s", "_rad": "rad", "_m": "m", "_s": "s"}  # longest first
+_UNIT_OF_SUFFIX = {
+    "pixels_per_m": "px/m", "_m_s2": "m/s^2", "_m_s": "m/s", "_rad": "rad", "_m": "m", "_s": "s",
+}  # longest first  # fmt: skip
 _STRICT = ConfigDict(strict=True, allow_inf_nan=False)
 
 
@@ -111,7 +113,7 @@ def _build_dataclass(value: Any, kind: type, key: str) -> Any:
 
 def _build_plain(value: Any, kind: Any, key: str) -> Any:
     unit = next((unit for suffix, unit in _UNIT_OF_SUFFIX.items() if key.endswith(suffix)), None)
-    if unit is not None and kind is not str:
+    if unit is not None and kind is not str and not _is_word(value, kind):
         value = _parse_quantities(value, unit, key)
     adapter = TypeAdapter(kind, config=_STRICT)
     try:
@@ -124,8 +126,17 @@ def _build_plain(value: Any, kind: Any, key: str) -> Any:
         if not first["msg"].startswith("Input should be "):  # such as a tuple of another length
             raise ConfigError(f"{key} is {_found(value)}, expected {_type_name(kind)}.") from None
         place = "".join(f"[{part}]" for part in first["loc"] if isinstance(part, int))
-        expected = first["msg"].removeprefix("Input should be ")
+        expected = " or ".join(
+            dict.fromkeys(each["msg"].removeprefix("Input should be ") for each in error.errors())
+            if get_origin(kind) in (Union, UnionType)
+            else [first["msg"].removeprefix("Input should be ")]
+        )
         raise ConfigError(f"{key}{place} is {_found(first['input'])}, expected {expected}.") from None
+
+
+def _is_word(value: Any, kind: Any) -> bool:
+    """Whether the value is a word that a field such as `float | Literal["auto"]` allows in place of a number."""
+    return any(get_origin(part) is Literal and value in get_args(part) for part in get_args(kind))
 
 
 def _parse_quantities(value: Any, unit: str, key: str) -> Any:

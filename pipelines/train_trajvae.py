@@ -16,7 +16,7 @@ from pentimento.contracts.tables import read_table
 from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, split_last_session
 from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, nearest_of_same_hand, reconstruction_mm
 from pentimento.handwriting.figures import drawn_map, flat_map, sheet
-from pentimento.handwriting.training import TrajVAEConfig, fine_tune, pretrain
+from pentimento.handwriting.training import Adapted, TrajVAEConfig, adapt, pretrain
 from pentimento.handwriting.trajvae import Strokes, TrajVAE, decoder_of, generic_decoder
 from pentimento.planning.strokes.latent import StyleDecoder, write_decoder
 from pipelines._config import load_section
@@ -41,7 +41,9 @@ class TrainTrajVAE:
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`: a decoder for each writer and a generic one, pictures of samples and latents, metrics.json."""
+    """Write `--out`: a decoder for each writer and a generic one, pictures of samples and latents, metrics.json,
+    card.md.
+    """
     config = load_section(Path("params.yaml"), "train_trajvae", TrainTrajVAE)
     single_threaded()
     with (
@@ -54,17 +56,19 @@ def main(arguments: argparse.Namespace) -> None:
         (out / "hands").mkdir()
         write_decoder(out / "nobody.npz", generic_decoder(model))
         metrics: dict[str, Any] = {"strokes": {"learned": len(learned.hand), "quarantined": len(checked.quarantined)}}
-        pictures = []
+        pictures, made = [], "# How each writer's decoder was made\n\n"
         for hand in learned.hands:
-            decoder, metrics[hand] = _adapted(
+            decoder, metrics[hand], sentence = _adapted(
                 model, learned.strokes, held_out.of(hand), hand=hand, config=config, run=run
             )
             write_decoder(out / "hands" / f"{hand}.npz", decoder)
+            made += sentence
             samples = decoder.sample(_SAMPLES, np.random.default_rng([config.model.seed, 31]))
             pictures += list(decoder.decode(samples)[0].astype(np.float64))
         write_png(out / "samples.png", sheet(pictures))
         metrics["map"] = _map(model, learned, config, out)
         write_json(out / "metrics.json", metrics)
+        (out / "card.md").write_text(made, encoding="utf-8")
         run.log_metrics(metrics)
         for name in ("samples.png", "latent_map.png"):
             run.log_picture(out / name)
@@ -72,8 +76,11 @@ def main(arguments: argparse.Namespace) -> None:
 
 def _adapted(
     model: TrajVAE, known: Strokes, session: Demonstrated, *, hand: str, config: TrainTrajVAE, run: Run
-) -> tuple[StyleDecoder, dict[str, float]]:
-    """Return a writer's decoder, fine-tuned on the first strokes of an unseen session, and errors (mm) on the rest."""
+) -> tuple[StyleDecoder, dict[str, float], str]:
+    """Return a writer's decoder, errors (mm), and how it was made.
+
+    It is adapted to the first strokes of an unseen session; the errors are those on the rest.
+    """
     count, few_shot = len(session.hand), config.few_shot_strokes
     if count <= few_shot:
         raise ContractError(
@@ -81,14 +88,29 @@ def _adapted(
             f"{few_shot} are needed, so that some are left to measure with."
         )
     few, rest = (session.strokes.pick(index) for index in (torch.arange(few_shot), torch.arange(few_shot, count)))
-    own = fine_tune(model, few, known, config.model, run.log_under(hand))
+    own = adapt(model, few, known, config.model, run.log_under(hand))
     errors = {
         "pretrained": reconstruction_mm(model, rest),
-        "fine_tuned": reconstruction_mm(own, rest),
+        "fine_tuned": reconstruction_mm(own.model, rest),
         "nearest_demonstration": nearest_mm(few, rest),
         "mean_stroke": mean_stroke_mm(few, rest),
+        "fine_tuning_steps": own.steps,
     }
-    return decoder_of(own, few, hand), errors
+    return decoder_of(own.model, few, hand), errors, _sentence(hand, own, config)
+
+
+def _sentence(hand: str, own: Adapted, config: TrainTrajVAE) -> str:
+    """Return how a writer's decoder was made, as an entry of the card."""
+    gain = f"{own.gain_mm[0]:+.3f} ± {own.gain_mm[1]:.3f} mm (mean and standard error)"
+    if own.steps == 0:
+        return (
+            f"- **{hand}**: the pretrained weights are kept. Fine-tuning on {config.few_shot_strokes} strokes is not "
+            f"surely better on strokes that were held out of them: their error would fall by {gain}.\n"
+        )
+    return (
+        f"- **{hand}**: fine-tuned on {config.few_shot_strokes} strokes for {own.steps} of "
+        f"{config.model.fine_tuning.steps} steps. The error on strokes that were held out of them falls by {gain}.\n"
+    )
 
 
 def _map(model: TrajVAE, learned: Demonstrated, config: TrainTrajVAE, out: Path) -> dict[str, float]:

@@ -161,10 +161,10 @@ class Training:
     def _setting(self, asked_path: Tensor, steps: int) -> Setting:
         an_epoch = max(round((1 - NETWORK.held_out) * len(self.samples.path) / NETWORK.batch), 1)
         network = replace(NETWORK, seed=self.seed, epochs=max(round(steps / an_epoch), 1))
-        return Setting(asked_path, ANALYTIC.margin_m, network)
+        return Setting(asked_path, float(ANALYTIC.margin_m), network)
 
     def _stamp(self) -> Trained:
-        margin, scale = ANALYTIC.margin_m, ANALYTIC.pixels_per_m
+        margin, scale = float(ANALYTIC.margin_m), float(ANALYTIC.pixels_per_m)
         dark, crisp = (
             fit_stamp(self.samples, margin, scale, lambda stamp, e=error: e(laid(stamp(self.samples), self.samples)))
             for error in (self._l1, self._not_iou)

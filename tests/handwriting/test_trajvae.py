@@ -8,9 +8,10 @@ import pytest
 import torch
 
 from pentimento.contracts.errors import ContractError
+from pentimento.handwriting import training
 from pentimento.handwriting.demonstrated import Demonstrated, demonstrated, split_last_session
 from pentimento.handwriting.evaluation import mean_stroke_mm, nearest_mm, reconstruction_mm
-from pentimento.handwriting.training import fine_tune, pretrain
+from pentimento.handwriting.training import Course, adapt, fine_tune, pretrain
 from pentimento.handwriting.trajvae import Strokes, TrajVAE, decoder_of, generic_decoder, sizes_m
 from studies.hands.sampling import sampled_strokes
 from tests.handwriting.conftest import CONFIG, lengths_mm
@@ -44,6 +45,52 @@ def test_fine_tuning_lowers_the_error_for_a_new_writer(parts: Parts) -> None:
     assert reconstruction_mm(model, rest) == pytest.approx(
         reconstruction_mm(pretrain(others.strokes, CONFIG, unheard), rest)
     )
+
+
+def test_adapting_to_a_new_writer_lowers_the_error(parts: Parts) -> None:
+    learned, held_out = parts
+    others = learned.pick(np.array([hand != "zigzags" for hand in learned.hand]))
+    model = pretrain(others.strokes, CONFIG, unheard)
+    new = held_out.of("zigzags").strokes
+    few, rest = new.pick(torch.arange(10)), new.pick(torch.arange(10, 16))
+    own = adapt(model, few, others.strokes, CONFIG, unheard)
+    assert own.steps > 0 and own.gain_mm[0] > own.gain_mm[1] > 0
+    assert reconstruction_mm(own.model, rest) < 0.9 * reconstruction_mm(model, rest)
+
+
+def test_adapting_keeps_the_pretrained_weights_where_fine_tuning_is_worse(model: TrajVAE, parts: Parts) -> None:
+    few = parts[1].of("arcs").strokes.pick(torch.arange(8))
+    harmful = replace(CONFIG, fine_tuning=Course(16, 8, 0.3))
+    own = adapt(model, few, parts[0].strokes, harmful, unheard)
+    assert own.steps == 0 and own.gain_mm[0] < 0 and own.model is model
+
+
+@pytest.mark.parametrize(
+    ("errors_mm", "spread_mm", "steps"),
+    [
+        ((0.9, 0.8, 0.7, 0.6, 0.5), 0.0, 80),  # better until the end
+        ((0.9, 0.7, 0.8, 1.1, 1.3), 0.0, 10),  # stops early
+        ((1.1, 1.2, 1.3, 1.4, 1.5), 0.0, 0),
+        ((0.99, 0.98, 0.97, 0.96, 0.95), 1.0, 0),  # a gain below its standard error
+    ],
+)
+def test_fine_tuning_stops_where_held_out_strokes_are_best(
+    errors_mm: tuple[float, ...], spread_mm: float, steps: int, parts: Parts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = parts[1].of("arcs").strokes.pick(torch.arange(8))
+    made: list[int] = []
+    monkeypatch.setattr(training, "_tuned", lambda *_: iter(errors_mm))
+    monkeypatch.setattr(training, "fine_tune", lambda *given: made.append(given[-1]))
+
+    def errors(model: object, strokes: Strokes) -> torch.Tensor:
+        mean = model if isinstance(model, float) else 1.0
+        around = spread_mm if isinstance(model, float) else 0.0
+        return mean + around * torch.tensor([1.0, -1.0])[: len(strokes.xy_m)]
+
+    monkeypatch.setattr(training, "reconstruction_errors_mm", errors)
+    own = adapt(None, few, parts[0].strokes, CONFIG, unheard)  # type: ignore[arg-type]
+    assert own.steps == steps
+    assert made == ([steps] if steps else [])
 
 
 def test_decoder_agrees_with_the_model(model: TrajVAE, parts: Parts) -> None:

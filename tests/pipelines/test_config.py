@@ -104,6 +104,34 @@ def test_a_bad_entry_is_one_sentence_with_file_key_and_value(tmp_path: Path, old
     assert "\n" not in str(caught.value)
 
 
+@dataclass(frozen=True)
+class Photographs:
+    pixels_per_m: float | Literal["auto"]
+    margin_m: float | Literal["auto"]
+
+
+@pytest.mark.parametrize(
+    ("pixels_per_m", "margin_m", "expected"),
+    [
+        ("auto", "auto", Photographs("auto", "auto")),
+        ("2000", "12 mm", Photographs(2000.0, pytest.approx(0.012))),  # type: ignore[arg-type]
+        ("5 px/mm", "0.003", Photographs(pytest.approx(5000.0), 0.003)),  # type: ignore[arg-type]
+    ],
+)
+def test_a_number_with_a_unit_may_be_a_word_instead(
+    tmp_path: Path, pixels_per_m: str, margin_m: str, expected: Photographs
+) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_text(f"strokes: {{pixels_per_m: {pixels_per_m}, margin_m: {margin_m}}}\n")
+    assert load_section(path, "strokes", Photographs) == expected
+    path.write_text("strokes: {pixels_per_m: auto, margin_m: true}\n")
+    with pytest.raises(ConfigError, match=r"strokes\.margin_m is True, expected a valid number or 'auto'"):
+        load_section(path, "strokes", Photographs)
+    path.write_text("strokes: {pixels_per_m: 5 mm, margin_m: auto}\n")
+    with pytest.raises(ConfigError, match=r"strokes\.pixels_per_m: .*5 mm"):
+        load_section(path, "strokes", Photographs)
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"absent\.yaml does not exist"):
         load_section(tmp_path / "absent.yaml", "paint", Painting)

@@ -92,6 +92,12 @@ def test_from_made_up_hands_to_drawings(folder: Path, monkeypatch: pytest.Monkey
     told = json.loads((folder / "one/hands/metrics.json").read_text())
     assert told["strokes"] == {"learned": 70, "quarantined": 0}
     assert all(told["arcs"][name] > 0 for name in ("fine_tuned", "pretrained", "nearest_demonstration", "mean_stroke"))
+    card = (folder / "one/hands/card.md").read_text()
+    for hand in ("arcs", "dots", "hatching", "loops", "zigzags"):
+        steps = told[hand]["fine_tuning_steps"]
+        says = f"fine-tuned on 10 strokes for {steps} of 40 steps" if steps else "the pretrained weights are kept"
+        assert f"- **{hand}**: {says}" in card
+        assert steps or told[hand]["fine_tuned"] == told[hand]["pretrained"]
 
     weights = folder / "models/stroke_marker/weights"
     weights.mkdir(parents=True)

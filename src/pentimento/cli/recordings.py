@@ -18,11 +18,18 @@ if TYPE_CHECKING:
 def _import(arguments: argparse.Namespace) -> None:
     from pentimento.io.lerobot_in import import_lerobot
     from pentimento.io.photo_pairs import import_photo_pairs
+    from pentimento.io.scanned_page import import_page
 
     if arguments.paths.is_dir():
         imported = import_lerobot(arguments.paths, _description_of_dataset(arguments), arguments.out)
+    elif arguments.page is not None:
+        _needs(arguments, ("tool",), unwanted=("action", "camera", "units"), of="A CSV of paths with --page")
+        imported = import_page(
+            arguments.paths, arguments.page, arguments.blank, _placement(arguments), arguments.tool, arguments.out
+        )
     else:
-        _needs(arguments, ("photos", "tool"), unwanted=("action", "camera", "units"), of="A CSV of paths")
+        unwanted = ("action", "camera", "units", "blank")
+        _needs(arguments, ("photos", "tool"), unwanted=unwanted, of="A CSV of paths without --page")
         imported = import_photo_pairs(
             arguments.paths, arguments.photos, _placement(arguments), arguments.tool, arguments.out
         )
@@ -36,10 +43,15 @@ def _description_of_dataset(arguments: argparse.Namespace) -> Description | None
     """Return the description of a dataset given by the options; None where none is given."""
     from pentimento.io.lerobot_in import Description
 
-    options = ("tool", "window", "scale", "y_down", "action", "camera", "units")
+    options = ("tool", "window", "scale", "y_down", "action", "camera", "units", "page", "blank")
     if arguments.photos is None and not any(getattr(arguments, name) for name in options):
         return None
-    _needs(arguments, ("tool",), unwanted=("photos",), of="A LeRobot dataset that was not exported from strokes")
+    _needs(
+        arguments,
+        ("tool",),
+        unwanted=("photos", "page", "blank"),
+        of="A LeRobot dataset that was not exported from strokes",
+    )
     try:
         unit_m = parse_quantity(f"1 {arguments.units or 'm'}", "m")
     except UnitError as error:
@@ -86,7 +98,8 @@ def _card(arguments: argparse.Namespace) -> None:
 def _enough(arguments: argparse.Namespace) -> None:
     with workshop("fit models"):
         from pentimento.dynamics.strokes.learning_curve import learning_curve_of
-    curve = learning_curve_of(arguments.rows, arguments.seed)
+    curve, sampling = learning_curve_of(arguments.rows, arguments.seed)
+    print(sampling.sentence)
     for line in curve.lines():
         print(line)
     print(curve.sentence)
@@ -97,7 +110,7 @@ _ROWS = option("rows", type=Path, metavar="ROWS", help="strokes: a Parquet file,
 COMMANDS = (
     Command(
         "import",
-        "recorded strokes: a CSV of paths with pairs of photographs, or a LeRobot dataset",
+        "recorded strokes: a CSV of paths with photographs or one page, or a LeRobot dataset",
         (
             option(
                 "paths",
@@ -109,8 +122,17 @@ COMMANDS = (
                 "--photos",
                 type=Path,
                 metavar="FOLDER",
+                exclusive="pictures",
                 help="for a CSV: with <stroke>_before.png and <stroke>_after.png",
             ),
+            option(
+                "--page",
+                type=Path,
+                metavar="FILE",
+                exclusive="pictures",
+                help="for a CSV: one picture of the page after all its strokes, in place of --photos",
+            ),
+            option("--blank", type=Path, metavar="FILE", help="with --page: the page before the first stroke"),
             option(
                 "--action",
                 metavar="NAMES",

@@ -89,6 +89,14 @@ def sizes_m(xy_m: Tensor) -> Tensor:
     return (xy_m - xy_m.mean(1, keepdim=True)).square().sum(-1).mean(-1).sqrt()
 
 
+def reconstruction_errors_mm(model: TrajVAE, strokes: Strokes) -> Tensor:
+    """[B] mean distance, mm, of each stroke's points from their reconstruction from its mean latent."""
+    with torch.no_grad():
+        xy, _ = model.decode(model.encode(strokes)[0])
+    errors: Tensor = (xy - strokes.xy_m).norm(dim=-1).mean(-1) * 1e3
+    return errors
+
+
 def _perceptron(inputs: int, width: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(
         nn.Linear(inputs, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU(), nn.Linear(width, outputs)

@@ -17,7 +17,7 @@ import csv
 import math
 import re
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -221,17 +221,40 @@ def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: st
         ConfigError: ``out`` holds what this command did not write.
     """
     check_replaceable(out, COMMAND)
-    strokes, photographs = read_paths(paths), _by_stem(photos)
+    photographs = _by_stem(photos)
+
+    def row(_: int, stroke: RecordedPath, given: Mapping[str, Any]) -> dict[str, Any]:
+        before, after = (_photo(photographs, f"{stroke.name}_{when}") for when in ("before", "after"))
+        return stroke_row(stroke, before, after, placement, given)
+
+    return import_strokes(paths, read_paths(paths), row, tool, out)
+
+
+def import_strokes(
+    paths: Path,
+    strokes: list[RecordedPath],
+    row_of_stroke: Callable[[int, RecordedPath, Mapping[str, Any]], dict[str, Any]],
+    tool: str,
+    out: Path,
+) -> Imported:
+    """Write the rows of a file's strokes as ``import_photo_pairs`` does.
+
+    Args:
+        row_of_stroke: makes a row of a stroke's place in the file, the stroke, and values of columns for which it has
+            none, or raises ``Refused``.
+
+    Raises:
+        ContractError: no stroke can be used; nothing is written.
+    """
     rows: list[dict[str, Any]] = []
     refused: dict[str, list[str]] = {}
-    first: dict[str, int] = {}
+    first: dict[int, int] = {}
     for number, stroke in enumerate(strokes):
         given = {"session": paths.stem, "order": number, "action_id": number, "tool": tool}
         try:
             if stroke.fault is not None:
                 raise Refused(stroke.fault)
-            before, after = (_photo(photographs, f"{stroke.name}_{when}") for when in ("before", "after"))
-            row = stroke_row(stroke, before, after, placement, given)
+            row = row_of_stroke(number, stroke, given)
             if row["action_id"] in first and len(strokes[first[row["action_id"]]].path) != len(stroke.path):
                 raise Refused("its action_id is that of a stroke with another number of points")
         except Refused as reason:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -74,7 +75,7 @@ class Placement(NamedTuple):
 
 
 COMMAND: Final = "pentimento import"
-_MARGIN_M: Final = 0.012
+MARGIN_M: Final = 0.012
 """Width of the paper around a stroke's path in its pictures."""
 
 
@@ -110,34 +111,64 @@ def stroke_row(
     before: NDArray[np.uint8],
     after: NDArray[np.uint8],
     placement: Placement,
-    given: dict[str, Any],
+    given: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return a row whose pictures show the paper around the path.
 
     Args:
-        stroke: its path is in the frame of ``placement`` and has no fault.
+        stroke: its path is in the frame of ``placement``.
         before: photograph [H, W, 3], sRGB, rectified to ``placement``; likewise ``after``.
         given: values of columns for which the stroke has none.
 
     Raises:
-        Refused: the photographs differ in size, the path leaves them, or the row would break the contract.
+        Refused: the photographs differ in size, the path has a fault or leaves them, or the row would break the
+            contract.
     """
     if before.shape != after.shape:
         raise Refused("its two photographs differ in size")
     shape = before.shape[0], before.shape[1]
-    path, whole = placement.to_canvas(stroke.path, shape), np.array(placement.window_m(shape))
-    if not ((path[:, 1:3] >= whole[:2]) & (path[:, 1:3] <= whole[2:])).all():
-        raise Refused("its path leaves the photograph")
+    path, whole = placed_path(stroke, placement, shape), np.array(placement.window_m(shape))
     try:
-        window = snap_window(window_around(path, _MARGIN_M), whole, shape)
+        window = snap_window(window_around(path, MARGIN_M), whole, shape)
         shown, shown_after = crop(before, whole, window), crop(after, whole, window)
     except ContractError as error:
         raise Refused(f"its window does not fit the photograph: {str(error).partition(';')[0].rstrip('.')}") from error
-    row = given | stroke.about | {
+    return row_of(stroke, path, window, before=shown, after=shown_after, given=given)
+
+
+def placed_path(stroke: RecordedPath, placement: Placement, shape: tuple[int, int]) -> FloatArray:
+    """Return a stroke's path [N, 5] in the canvas frame, for photographs of ``shape`` (H, W).
+
+    Raises:
+        Refused: the path has a fault, or leaves the photograph.
+    """
+    if stroke.fault is not None:
+        raise Refused(stroke.fault)
+    path, whole = placement.to_canvas(stroke.path, shape), np.array(placement.window_m(shape))
+    if not ((path[:, 1:3] >= whole[:2]) & (path[:, 1:3] <= whole[2:])).all():
+        raise Refused("its path leaves the photograph")
+    return path
+
+
+def row_of(
+    stroke: RecordedPath,
+    path: FloatArray,
+    window_m: FloatArray,
+    *,
+    before: NDArray[np.uint8],
+    after: NDArray[np.uint8],
+    given: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return a row of the pictures [h, w, 3] of a window [4]; path [N, 5] and window are in the canvas frame.
+
+    Raises:
+        Refused: the row would break the contract.
+    """
+    row = {**given, **stroke.about} | {
         "path": path.tolist(),
-        "window_m": window.tolist(),
-        "before": {"bytes": encode_png(shown), "path": None},
-        "after": {"bytes": encode_png(shown_after), "path": None},
+        "window_m": window_m.tolist(),
+        "before": {"bytes": encode_png(before), "path": None},
+        "after": {"bytes": encode_png(after), "path": None},
         "frame": "canvas",
     }  # fmt: skip
     fault = row_faults(table_of([row], list(stroke.about)), CONTRACT)[0]

@@ -9,10 +9,11 @@ import torch
 from markupsafe import Markup
 
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.contracts.ranges import at_least
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.dynamics.strokes.evaluation import StrokeScores
+from pentimento.dynamics.strokes.resolution import Auto, check_sampling
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters, read_parameters
 from pentimento.report.figures import BLUE, Series, line_chart
@@ -35,16 +36,16 @@ class StrokePictures:
     """Held-out strokes of each tool, from the best prediction through the median to the worst."""
     path_points: int
     """Points to which a path is resampled for prediction."""
-    pixels_per_m: float
-    """Photographs of a higher resolution are averaged down to about this."""
-    margin_m: float
-    """Windows are trimmed to this much around the commanded path."""
+    pixels_per_m: float | Auto
+    """Photographs of a higher resolution are averaged down to about this; auto: by line width and windows."""
+    margin_m: float | Auto
+    """Windows are trimmed to this much around the commanded path; auto likewise."""
 
     def __post_init__(self) -> None:
         if self.shown < 1:
             raise ValueError(f"shown is {self.shown}; show at least one stroke.")
         at_least(self, 2, "path_points")
-        above_zero(self, "pixels_per_m", "margin_m")
+        check_sampling(self)
 
 
 @dataclass(frozen=True, eq=False)

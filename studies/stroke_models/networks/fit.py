@@ -57,7 +57,7 @@ def fit_trajectory_cnn(samples: StrokeSamples, setting: Setting, coordinates: bo
 def fit_path_image_cnn(samples: StrokeSamples, setting: Setting, log: Log) -> PathImageCnn:
     """A U-Net on pictures of paths."""
     torch.manual_seed(setting.config.seed)
-    network = PathImageCnn(press_range(samples.path), setting.margin_m, setting.config.pixels_per_m)
+    network = PathImageCnn(press_range(samples.path), setting.margin_m, float(setting.config.pixels_per_m))
     return train_network(network, samples, setting.config, log)
 
 
@@ -69,7 +69,7 @@ def fit_refined(base: Traj2Stroke, samples: StrokeSamples, setting: Setting, log
     """
     torch.manual_seed(setting.config.seed)
     copied = Traj2Stroke(base.parameters_si())
-    network = RefinedTraj2Stroke(copied, setting.margin_m, setting.config.pixels_per_m)
+    network = RefinedTraj2Stroke(copied, setting.margin_m, float(setting.config.pixels_per_m))
     return train_network(network, samples, setting.config, log)
 
 
@@ -146,4 +146,4 @@ def _blurred(images: Tensor) -> Tensor:
 
 def _crop(samples: StrokeSamples, setting: Setting, multiple: int) -> Crop:
     paths = torch.cat([samples.path, setting.asked_path])
-    return crop_around(paths, setting.margin_m, setting.config.pixels_per_m, multiple)
+    return crop_around(paths, setting.margin_m, float(setting.config.pixels_per_m), multiple)

@@ -19,6 +19,7 @@ def curve(*gains: Gain) -> LearningCurve:
 
 
 SMALL, LARGE, UNSURE = Gain(0.01, -0.01, 0.03), Gain(0.2, 0.1, 0.3), Gain(0.04, -0.05, 0.12)
+RISE = Gain(-2.7, -3.2, -2.3)  # beyond its interval: a fit that failed
 
 
 @pytest.mark.parametrize(
@@ -29,6 +30,12 @@ SMALL, LARGE, UNSURE = Gain(0.01, -0.01, 0.03), Gain(0.2, 0.1, 0.3), Gain(0.04, 
         ((SMALL, LARGE), None, "More strokes make a better model"),
         ((SMALL, UNSURE), None, "Undecided"),
         ((SMALL, LARGE, SMALL), 40, "40 strokes are enough"),
+        (
+            (RISE, LARGE, SMALL),
+            None,
+            "from 10 to 20 strokes the error rises by 270.0 % (95 %: 230.0 % to 320.0 %)",
+        ),
+        ((SMALL, LARGE, RISE), None, "Unsure: from 40 to 80 strokes"),
     ],
 )
 def test_learning_curve_is_enough_after_the_last_doubling_with_a_gain(
@@ -57,7 +64,8 @@ def test_command_prints_the_curve_and_the_error_of_a_blank_prediction(
     monkeypatch.setattr(learning_curve, "_MIN_STEPS", 30)
     pq.write_table(example_table(32), tmp_path / "rows.parquet")
     assert main(["enough", str(tmp_path / "rows.parquet")]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    sampling, *lines = capsys.readouterr().out.splitlines()
+    assert "compared at 0.5 px/mm" in sampling
     errors = [float(line.split()[2]) for line in lines[1:-2]]
     blank = float(lines[-2].split()[1])
     assert len(errors) == 2 and max(errors) < 0.3 * blank

@@ -77,13 +77,18 @@ def constant_width(half_width_m: float, opacity: float) -> Traj2StrokeParameters
     return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1e-4, half_width_m, HARD_EDGE, opacity)
 
 
-def fit_polyline(error: Callable[[Traj2StrokeParameters], float]) -> Traj2StrokeParameters:
-    """The pen with the smallest ``error``."""
-    width, opacity = 2e-3, 0.95
+def fit_polyline(error: Callable[[Traj2StrokeParameters], float], half_width_m: float = 2e-3) -> Traj2StrokeParameters:
+    """The pen with the smallest ``error``.
+
+    Args:
+        half_width_m: roughly the pen's. Two decades around its order of magnitude are tried.
+    """
+    middle = 2e-3 * 10 ** round(math.log10(half_width_m / 2e-3))
+    width, opacity = middle, 0.95
     for _ in range(2):  # width and opacity hardly interact: two rounds of line searches settle them
         found = minimize_scalar(
             lambda log_width, o=opacity: error(constant_width(math.exp(log_width), o)),
-            bounds=(math.log(2e-4), math.log(2e-2)),
+            bounds=(math.log(middle / 10), math.log(middle * 10)),
             method="bounded",
             options={"xatol": 0.05},
         )

@@ -2,7 +2,8 @@
 
 Shares are nested and double in size; the held-out actions are always the same. The gain of a doubling is the relative
 fall of their mean error, with an interval from a paired bootstrap over held-out actions. The strokes are enough when
-even the upper end of the interval is a small gain.
+even the upper end of the interval is a small gain. A curve whose error rises beyond its interval is unsure: more
+strokes of the same kind do no harm, so that one of its fits has failed.
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ from pentimento.contracts.statistics import interval, resamples
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.dynamics.strokes.evaluation import predict_with
-from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.resolution import AUTO, Sampling
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples, sampling_of
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action, train
 
 ENOUGH_GAIN: Final = 0.05
 """Relative gain of a doubling below which more strokes are not worth recording."""
 
 _TRAINING: Final = TrainingConfig(
-    path_points=32, pixels_per_m=1000.0, margin_m=0.012, epochs=25, batch=16, learning_rate=0.03, ink_weight=2.0,
+    path_points=32, pixels_per_m=AUTO, margin_m=AUTO, epochs=25, batch=16, learning_rate=0.03, ink_weight=2.0,
     held_out=0.25, seed=0,
 )  # fmt: skip
 _MIN_ACTIONS: Final = 8
@@ -64,9 +66,14 @@ class LearningCurve:
     """Actions."""
 
     @property
+    def rise(self) -> int | None:
+        """The first doubling whose error surely rose, as an index of `gains`; None where the curve is monotone."""
+        return next((at for at, gain in enumerate(self.gains) if gain.high < 0), None)
+
+    @property
     def enough(self) -> int | None:
-        """Strokes after which no doubling can have gained `ENOUGH_GAIN`; None where the last doubling may have."""
-        if self.gains[-1].high >= ENOUGH_GAIN:
+        """Strokes after which no doubling can have gained `ENOUGH_GAIN`; None where the last one may, or if unsure."""
+        if self.rise is not None or self.gains[-1].high >= ENOUGH_GAIN:
             return None
         settled = len(self.gains)
         while settled and self.gains[settled - 1].high < ENOUGH_GAIN:
@@ -77,6 +84,14 @@ class LearningCurve:
     def sentence(self) -> str:
         """The conclusion in a sentence."""
         last, share = self.gains[-1], round(100 * ENOUGH_GAIN)
+        if self.rise is not None:
+            worse = self.gains[self.rise]
+            return (
+                f"Unsure: from {self.strokes[self.rise]} to {self.strokes[self.rise + 1]} strokes the error rises by "
+                f"{-100 * worse.value:.1f} % (95 %: {-100 * worse.high:.1f} % to {-100 * worse.low:.1f} %). More "
+                "strokes do no harm, so one of the fits has failed, and the curve gives no advice. Try another --seed; "
+                "if it stays so, look at the photographs and at color_srgb."
+            )
         gained = (
             f"the last doubling gained {_percent(last.value)} (95 %: {_percent(last.low)} to {_percent(last.high)})"
         )
@@ -96,16 +111,18 @@ class LearningCurve:
         return [f"{a:>8} {b:>8} {c:>13}  {d}".rstrip() for a, b, c, d in rows]
 
 
-def learning_curve_of(rows: Path, seed: int) -> LearningCurve:
-    """The curve of a table in the strokes contract: a file or a folder of shards.
+def learning_curve_of(rows: Path, seed: int) -> tuple[LearningCurve, Sampling]:
+    """The curve of a table in the strokes contract (a file or a folder of shards), and how photographs were sampled.
 
     Raises:
-        ContractError: the table cannot be read, or has too few actions for a curve.
+        ContractError: the table cannot be read, shows no ink, or has too few actions for a curve.
     """
     table = read_table(rows, CONTRACT).table
     if table.num_rows == 0:
         raise ContractError(f"{rows} holds no strokes; record some.")
-    return learning_curve(load_samples(table, _TRAINING.path_points, _TRAINING.pixels_per_m, _TRAINING.margin_m), seed)
+    sampling = sampling_of(table, _TRAINING.pixels_per_m, _TRAINING.margin_m)
+    samples = load_samples(table, _TRAINING.path_points, sampling.pixels_per_m, sampling.margin_m)
+    return learning_curve(samples, seed), sampling
 
 
 def learning_curve(samples: StrokeSamples, seed: int) -> LearningCurve:

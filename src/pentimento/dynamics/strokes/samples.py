@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -17,9 +18,11 @@ from pentimento.contracts import frames, images
 from pentimento.contracts.colour import to_float
 from pentimento.contracts.errors import ContractError, ImageError, PentimentoError
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
+from pentimento.dynamics.strokes.resolution import AUTO, Auto, RowExtent, Sampling, choose_sampling
 from pentimento.dynamics.strokes.simulation import View
 
 Array = NDArray[Any]
+T = TypeVar("T")
 
 INK_THRESHOLD = 110 / 255
 """Share of the full contrast between paper and paint above which a pixel counts as inked."""
@@ -50,27 +53,24 @@ class StrokeSamples(NamedTuple):
         return View(self.top_left_m, self.pixels_per_m)
 
 
-def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: float) -> StrokeSamples:
+def load_samples(table: pa.Table, points: int, pixels_per_m: float | Auto, margin_m: float | Auto) -> StrokeSamples:
     """Turn rows of the ``strokes`` contract into tensors.
 
     Paths are resampled to ``points`` points, images finer than ``pixels_per_m`` are averaged down to about that, and
-    windows are trimmed to ``margin_m`` around the commanded path.
+    windows are trimmed to ``margin_m`` around the commanded path. "auto" is the choice of ``sampling_of``.
 
     Ink that does not touch the commanded path (of neighbouring strokes) is reset to ``before``.
 
     Raises:
-        ContractError: the table has no rows, or a row (it is named) makes no sample.
+        ContractError: the table has no rows, a row (it is named) makes no sample, or "auto" finds no ink.
     """
-    rows = table.to_pylist()
-    if not rows:
-        raise ContractError("The strokes table has no rows: collect strokes first, or check its quarantine report.")
-    loaded = []
-    factors = frames.coarsening([_scale(row) for row in rows], pixels_per_m)
-    for number, row in enumerate(rows):
-        try:
-            loaded.append(_load_row(row, points, int(factors[number]), margin_m=margin_m))
-        except PentimentoError as error:
-            raise ContractError(f"Row {number} of the strokes table: {error}") from error
+    if AUTO in (pixels_per_m, margin_m):
+        chosen = sampling_of(table, pixels_per_m, margin_m)
+        pixels_per_m, margin_m = chosen.pixels_per_m, chosen.margin_m
+    scale, margin = float(pixels_per_m), float(margin_m)
+    scales = [_scale(*row) for row in zip(table["before"].to_pylist(), table["window_m"].to_pylist(), strict=True)]
+    coarser = frames.coarsening(scales, scale)
+    loaded = _each_row(table, lambda n, row: _load_row(row, points, int(coarser[n]), margin_m=margin))
     height = max(one.before.shape[0] for one in loaded)
     width = max(one.before.shape[1] for one in loaded)
 
@@ -93,8 +93,30 @@ def load_samples(table: pa.Table, points: int, pixels_per_m: float, margin_m: fl
         color=color_srgb,
         ink=inked_share(before_srgb, after_srgb, color_srgb[:, None, None]) > INK_THRESHOLD,
         valid=tensor([pad(np.ones(one.before.shape[:2])) for one in loaded]),
-        action=torch.tensor([row["action_id"] for row in rows]),
+        action=torch.tensor(table["action_id"].to_pylist()),
     )
+
+
+def sampling_of(table: pa.Table, pixels_per_m: float | Auto, margin_m: float | Auto) -> Sampling:
+    """The resolution and the margin at which ``load_samples`` reads a table.
+
+    Raises:
+        ContractError: as ``load_samples``.
+    """
+    return choose_sampling(_each_row(table, lambda _, row: _extent(row)), pixels_per_m, margin_m)
+
+
+def _each_row(table: pa.Table, read: Callable[[int, dict[str, object]], T]) -> list[T]:
+    """Read every row, one after another; an error names its row."""
+    if table.num_rows == 0:
+        raise ContractError("The strokes table has no rows: collect strokes first, or check its quarantine report.")
+    found = []
+    for number, row in enumerate(row for batch in table.to_batches() for row in batch.to_pylist()):
+        try:
+            found.append(read(number, row))
+        except PentimentoError as error:
+            raise ContractError(f"Row {number} of the strokes table: {error}") from error
+    return found
 
 
 def inked_share(before: Tensor, after: Tensor, color: Tensor) -> Tensor:
@@ -134,29 +156,58 @@ class _Row:
     pixels_per_m: float
 
 
-def _scale(row: dict[str, object]) -> float:
+def _scale(before: object, window_m: object) -> float:
     """Pixels a metre of a row as recorded; NaN where it cannot be told, which loading the row explains."""
     try:
-        return frames.pixels_per_m(images.png_shape(row["before"]["bytes"]), row["window_m"])  # type: ignore[index, arg-type]
+        return frames.pixels_per_m(images.png_shape(before["bytes"]), window_m)  # type: ignore[index, arg-type]
     except (PentimentoError, TypeError):
         return math.nan
 
 
 def _load_row(row: dict[str, object], points: int, coarser: int, *, margin_m: float) -> _Row:
+    path, before, after, color, window = _pictures(row, margin_m)
+    scale = frames.pixels_per_m(before.shape[:2], window)
+    _, touched = _ink(path, before, after, color=color, window=window)
+    after = np.where(touched[..., None], after, before)
+    before, after = _averaged(before, coarser), _averaged(after, coarser)
+    return _Row(resample_path(path, points), before, after, color, window[[0, 3]], float(scale / coarser))
+
+
+def _extent(row: dict[str, object]) -> RowExtent:
+    path, before, after, color, window = _pictures(row, None)
+    scale = frames.pixels_per_m(before.shape[:2], window)
+    share, touched = _ink(path, before, after, color=color, window=window)
+    (left, low), (right, high) = path[:, 1:3].min(0), path[:, 1:3].max(0)
+    return RowExtent(
+        length_m=float(np.hypot(*np.diff(path[:, 1:3], axis=0).T).sum()),
+        ink_m2=float(((share > INK_THRESHOLD) & touched).sum() / scale**2),
+        pixels_per_m=scale,
+        size_m=(float(right - left), float(high - low)),
+        paper_m=(
+            float(left - window[0]), float(window[2] - right), float(low - window[1]), float(window[3] - high),
+        ),
+    )  # fmt: skip
+
+
+def _pictures(row: dict[str, object], margin_m: float | None) -> tuple[Array, Array, Array, Array, Array]:
+    """Path [N, 5], photographs before and after [H, W, 3], colour [3] and window [4], trimmed to the margin if any."""
     path = np.asarray(row["path"], dtype=float)
     window = np.asarray(row["window_m"], dtype=float)
     color = row.get("color_srgb")
     color = np.zeros(3) if color is None else np.asarray(color, dtype=float)
     color = color if np.isfinite(color).all() else np.zeros(3)  # NaN, like null, is unknown: taken as black
     before, after = (_read_image(row[name], row.get("encoding")) for name in ("before", "after"))
+    if margin_m is None:
+        return path, before, after, color, window
     trimmed = frames.snap_window(frames.window_around(path, margin_m), window, before.shape)
-    before, after = frames.crop(before, window, trimmed), frames.crop(after, window, trimmed)
-    scale = frames.pixels_per_m(before.shape[:2], trimmed)
+    return path, frames.crop(before, window, trimmed), frames.crop(after, window, trimmed), color, trimmed
+
+
+def _ink(path: Array, before: Array, after: Array, *, color: Array, window: Array) -> tuple[Array, Array]:
+    """Share of the paint at each pixel [H, W], and which pixels this stroke may have changed."""
     share = inked_share(*(torch.from_numpy(np.asarray(x, dtype=np.float32)) for x in (before, after, color))).numpy()
-    touched = _ink_of_this_stroke(share, frames.canvas_to_pixel(path[:, 1:3], trimmed, scale))
-    after = np.where(touched[..., None], after, before)
-    before, after = _averaged(before, coarser), _averaged(after, coarser)
-    return _Row(resample_path(path, points), before, after, color, trimmed[[0, 3]], float(scale / coarser))
+    scale = frames.pixels_per_m(before.shape[:2], window)
+    return share, _ink_of_this_stroke(share, frames.canvas_to_pixel(path[:, 1:3], window, scale))
 
 
 def _averaged(image: Array, factor: int) -> Array:

@@ -16,12 +16,15 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.dynamics.quiet_lightning import quiet_lightning
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
+from pentimento.dynamics.strokes.resolution import Auto, check_sampling
 from pentimento.dynamics.strokes.samples import INK_THRESHOLD, StrokeSamples, inked_share
 from pentimento.dynamics.strokes.simulation import StrokeContext, simulate
 from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
 
 Log = Callable[[str, float, int], None]
 
+_MIN_CONTACT = 0.25
+"""Minimum half-width at contact that a fit starts from, as a share of the mean half-width."""
 _MAX_SLOPE = 50.0  # metres of half-width for each metre of press; more means a table in millimetres
 
 
@@ -31,10 +34,10 @@ class TrainingConfig:
 
     path_points: int
     """Points n of a path (thesis 5.3.2: 32)."""
-    pixels_per_m: float
-    """Photographs finer than this are averaged down to about it."""
-    margin_m: float
-    """Windows are trimmed to this much around the commanded path."""
+    pixels_per_m: float | Auto
+    """Photographs finer than this are averaged down to about it; auto: by line width and windows."""
+    margin_m: float | Auto
+    """Windows are trimmed to this much around the commanded path; auto likewise."""
     epochs: int
     batch: int
     learning_rate: float
@@ -49,7 +52,8 @@ class TrainingConfig:
         at_least(self, 1, "epochs", "batch")
         at_least(self, 2, "path_points")
         at_least(self, 0, "seed")
-        above_zero(self, "pixels_per_m", "margin_m", "learning_rate", "ink_weight", "held_out")
+        above_zero(self, "learning_rate", "ink_weight", "held_out")
+        check_sampling(self)
         if self.held_out >= 1:
             raise ValueError(f"held_out is {self.held_out}; below 1, some actions are left to train on.")
 
@@ -119,7 +123,8 @@ def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
             "paths and windows are in metres."
         )
     contact = float(half.mean() - slope * press.mean()) if len(press) else 1e-3
-    return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), slope, max(contact, 2e-4), 0.3, 0.9)
+    minimum = _MIN_CONTACT * float(half.mean()) if len(press) else contact
+    return Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), slope, max(contact, minimum), 0.3, 0.9)
 
 
 def train(samples: StrokeSamples, config: TrainingConfig, log: Log) -> Traj2Stroke:

@@ -25,7 +25,7 @@ from torch import Tensor, nn
 from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ContractError
 
-_MIN_RADIUS_M = 1e-4  # of a mark
+_MIN_RADIUS_M = 1e-5  # of a mark: finer than any pen
 _MM = 1e-3
 
 
