@@ -9,7 +9,7 @@ def line(number: int, hidden: tuple[str, ...], named: tuple[str, ...]) -> dict[s
     verdict = {"established": [{"cause": name} for name in named], "unexplained": []}
     truth = {"causes": list(hidden), "outside": None}
     series = "one cause" if hidden else "none"
-    return {"series": series, "truth_sha256": str(number), "truth": truth, "verdict": verdict}
+    return {"series": series, "seed": number, "truth": truth, "verdict": verdict}
 
 
 def test_only_common_worlds_are_compared() -> None:
