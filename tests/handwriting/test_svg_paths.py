@@ -34,12 +34,16 @@ def lengths_mm(folder: Path, text: str, unit_m: float | None = None) -> list[flo
 
 DRAWN = {
     "curves": '<path d="M10 20 C20 0 30 40 40 20 S60 0 70 20 q5 10 10 0 t10 0"/>',
+    "smooth curves after curves of another kind": '<path d="M10 10C10 40 40 60 50 20T90 60"/>'
+    '<path d="M10 50Q10 99 40 70S60 99 90 70"/>',
     "arcs without separators": '<path d="M20 50a20 10 30 1140-5A15 15 0 01 70,70"/>',
     "numbers without separators": '<path d="M10.5.5l30.5-.0.5 40m-5,-5 6e0,1E1h-20v-8.5z l5 40"/>',
     "shapes": '<circle cx="30" cy="30" r="20"/><ellipse cx="60" cy="60" rx="30" ry="10"/>'
     '<rect x="10" y="70" width="40" height="20" rx="8"/><rect x="60" y="5" width="20" height="30"/>'
     '<line x1="5" y1="95" x2="95" y2="80"/><polyline points="5,5 10,15,20 5"/><polygon points="80,80 95,80 90 95"/>',
     "lengths with units": '<circle cx="1in" cy="30pt" r="5%"/><rect x="10%" y="50%" width="10mm" height="1pc" ry="2"/>',
+    "an ellipse with one radius": '<ellipse cx="50" cy="50" rx="20"/>'
+    '<rect x="10" y="10" width="20" height="9" ry="3"/>',
     "transforms": '<g transform="translate(50,50) rotate(30)"><rect x="-20" y="-10" width="40" height="20"/>'
     '<path transform="matrix(.5 .1 -.2 .5 3 4)" d="M0 0h40v20"/></g>'
     '<path transform="skewX(20)scale(1 .5)" d="M20 30v40h20"/>'
@@ -57,6 +61,8 @@ DRAWN = {
     '<path stroke-width="5" d="M0 0h400"/></svg>'
     '<svg x="70" y="5" width="20" height="80" viewBox="0 0 10 10" preserveAspectRatio="none">'
     '<circle stroke-width=".1" cx="5" cy="5" r="4"/></svg>',
+    "a share of the page after a nested svg": '<svg width="10" height="10" viewBox="0 0 500 500"/>'
+    '<line x1="10%" y1="20%" x2="90%" y2="80%"/>',
     "hidden layers": '<g style="display:none"><path d="M0 0L90 90"/></g><g visibility="hidden"><path d="M0 9L90 90"/>'
     '<path visibility="visible" d="M9 9h50"/></g><path display="none" d="M0 0h50"/><g opacity="0">'
     '<path d="M0 0v90"/></g>',
@@ -65,6 +71,8 @@ DRAWN = {
     ' @media print{.x{color:red}} .a .b{stroke-width:2}</style><path class="h" d="M0 0h80"/>'
     '<path class="s k" d="M0 9h80"/>'
     '<path id="m" class="s x" d="M10 50h80"/><line class="k" x1="9" x2="50" y1="70" y2="70"/>',
+    "a style sheet after what it hides": '<path class="h" d="M0 0h80v80"/><path d="M10 60h50"/>'
+    "<style>.h{display:none}</style>",
     "an important rule": "<style>.s{display:inline !important} path{display:none}</style>"
     '<path style="display:none" class="s" d="M10 50h80"/>',
     "a frame without paint": '<rect width="90" height="90" style="stroke:none"/><path d="M10 50h80"/>',

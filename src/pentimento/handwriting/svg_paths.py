@@ -4,6 +4,10 @@ Drawn are `path` and the basic shapes, also within groups, links, nested `svg`, 
 hidden layers and style sheets are followed. Outlines count, not how they are painted: what is seen only as a filling
 gives its outline, and markers at the ends of lines give nothing. Elements and properties that would draw or cut
 something else are refused by name.
+
+The library svgelements is not used here, because version 1.9.6 draws masks, markers and unused symbols; ignores the
+viewBox of symbols, the precedence of style rules and what it cannot read; gives a smooth curve after one of another
+kind a wrong shape; and repeats `use` without a limit.
 """
 
 from __future__ import annotations
