@@ -1,8 +1,9 @@
 """Parses a stage's section of params.yaml into the stage's frozen config dataclass.
 
 Every field of the dataclass must be in the file, and every key in the file must be a field: defaults are in params.yaml
-only. Lengths, times, angles, speeds and resolutions may have a unit: a text for a field whose name ends in `_m`, `_s`,
-`_rad`, `_m_s`, `_m_s2` or `pixels_per_m` is parsed, e.g. `press_m: 2 mm`, `pixels_per_m: 5 px/mm`.
+only. An entry of a list may leave out fields that have a default. Lengths, times, angles, speeds and resolutions may
+have a unit: a text for a field whose name ends in `_m`, `_s`, `_rad`, `_m_s`, `_m_s2` or `pixels_per_m` is parsed, e.g.
+`press_m: 2 mm`, `pixels_per_m: 5 px/mm`.
 """
 
 import json
@@ -83,12 +84,11 @@ def _build(value: Any, kind: Any, key: str) -> Any:
     if get_origin(kind) in (dict, Mapping) and is_dataclass(arguments[1]):
         _require_mapping(value, key)
         return {name: _build(entry, arguments[1], f"{key}.{name}") for name, entry in value.items()}
-    if get_origin(kind) is tuple and is_dataclass(arguments[0]) and isinstance(value, list):
-        return tuple(_build(entry, arguments[0], f"{key}[{index}]") for index, entry in enumerate(value))
-    if get_origin(kind) is list and is_dataclass(arguments[0]) and isinstance(value, list):
+    listed = get_origin(kind)
+    if listed in (tuple, list) and is_dataclass(arguments[0]) and isinstance(value, list):
         defaults = {field.name: field.default for field in fields(arguments[0]) if field.default is not MISSING}
         full = [defaults | entry if isinstance(entry, dict) else entry for entry in value]
-        return [_build(entry, arguments[0], f"{key}[{index}]") for index, entry in enumerate(full)]
+        return listed(_build(entry, arguments[0], f"{key}[{index}]") for index, entry in enumerate(full))
     return _build_plain(value, kind, key)
 
 

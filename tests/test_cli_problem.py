@@ -20,7 +20,7 @@ def test_a_problem_of_ones_own_gets_a_verdict(tmp_path: Path, capsys: pytest.Cap
     assert _run(tmp_path, f"{TOY}:worn_spring") == 0
     content = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert [entry["cause"] for entry in content["established"]] == ["wear"]
-    assert content["sentence"] in capsys.readouterr().out
+    assert content["text"] in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def test_the_verdict_is_complete() -> None:
     content = verdict(result)
     assert content["established"][0]["cause"] == "rate_stiffening"
     assert set(content["established"][0]["evidence"]) == set(Evidence._fields)
-    assert "rate_stiffening" in content["sentence"]
+    assert "rate_stiffening" in content["text"]
     assert content["mse"]["extended"] < content["mse"]["base"]
 
 

@@ -7,7 +7,7 @@ from pipelines._imports import ROOT
 
 PLAN = """
 import sys
-for heavy in ("torch", "sklearn", "skimage", "pandas", "matplotlib", "PIL", "onnxruntime"):
+for heavy in ("torch", "sklearn", "skimage", "pandas", "matplotlib", "onnxruntime"):
     sys.modules[heavy] = None  # an import of it is an ImportError
 from dataclasses import replace
 import numpy as np

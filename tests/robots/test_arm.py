@@ -81,7 +81,7 @@ def test_motion_from_a_moved_tip_is_rejected() -> None:
         check_start(pose_from(np.array([0.305, 0, 0.1]), np.array([math.pi, 0, 0])), pose, "arm")
     with pytest.raises(MachineError, match=r"5\.7 degrees"):
         check_start(pose_from(np.array([0.3, 0, 0.1]), np.array([math.pi, 0, 0.1])), pose, "arm")
-    with pytest.raises(MachineError):
+    with pytest.raises(MachineError, match="does not say where"):
         check_start(np.full((4, 4), np.nan), pose, "arm")
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.robots.machine import MachineError
@@ -47,10 +47,7 @@ def roll_pitch_yaw(rotation: FloatArray) -> FloatArray:
 
 def quaternion(rotation: FloatArray) -> FloatArray:
     """Unit quaternion [4] (x, y, z, w) of a rotation [3, 3]."""
-    vector = cv2.Rodrigues(rotation)[0].ravel()
-    angle = float(np.linalg.norm(vector))
-    axis = vector / angle if angle > 0 else vector
-    return np.append(np.sin(angle / 2) * axis, np.cos(angle / 2))
+    return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True))
 
 
 def resampled(times_s: FloatArray, poses: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
@@ -66,9 +63,9 @@ def resampled(times_s: FloatArray, poses: FloatArray, period_s: float) -> tuple[
     even[:, 3, 3] = 1.0
     places = poses[:, :3, 3]
     even[:, :3, 3] = places[before] + share[:, None] * (places[before + 1] - places[before])
-    turns = np.array([cv2.Rodrigues(a[:3, :3].T @ b[:3, :3])[0].ravel() for a, b in pairwise(poses)])
+    turns = Rotation.from_matrix([a[:3, :3].T @ b[:3, :3] for a, b in pairwise(poses)]).as_rotvec()
     for index, (step, part) in enumerate(zip(before, share, strict=True)):
-        even[index, :3, :3] = poses[step, :3, :3] @ cv2.Rodrigues(part * turns[step])[0]
+        even[index, :3, :3] = poses[step, :3, :3] @ Rotation.from_rotvec(part * turns[step]).as_matrix()
     return even_s, even
 
 
@@ -78,15 +75,17 @@ def velocities(times_s: FloatArray, poses: FloatArray) -> FloatArray:
     for i in range(1, len(times_s) - 1):
         span_s = times_s[i + 1] - times_s[i - 1]
         found[i, :3] = (poses[i + 1, :3, 3] - poses[i - 1, :3, 3]) / span_s
-        found[i, 3:] = cv2.Rodrigues(poses[i + 1, :3, :3] @ poses[i - 1, :3, :3].T)[0].ravel() / span_s
+        found[i, 3:] = Rotation.from_matrix(poses[i + 1, :3, :3] @ poses[i - 1, :3, :3].T).as_rotvec() / span_s
     return found
 
 
 def check_start(here: FloatArray, start: FloatArray, who: str) -> None:
     """Raise MachineError unless the tip is at a motion's first pose [4, 4]."""
+    if not np.isfinite(here).all():
+        raise MachineError(f"The {who} does not say where its tip is. The motion was not begun.")
     apart_m = float(np.linalg.norm(here[:3, 3] - start[:3, 3]))
-    apart_rad = float(np.linalg.norm(cv2.Rodrigues(here[:3, :3].T @ start[:3, :3])[0]))
-    if not (apart_m <= START_M and apart_rad <= START_RAD):
+    apart_rad = float(Rotation.from_matrix(here[:3, :3].T @ start[:3, :3]).magnitude())
+    if apart_m > START_M or apart_rad > START_RAD:
         raise MachineError(
             f"The {who}'s tip stands {1000 * apart_m:.1f} mm and {np.degrees(apart_rad):.1f} degrees from where the "
             "next motion begins; was it moved by hand? The motion was not begun."

@@ -50,7 +50,7 @@ def test_rejects_too_few_actions(lossy: Played) -> None:
 def test_verdict_names_pushes_and_square_millimetres(lossy: Played) -> None:
     content = verdict(lossy.result)
     assert content["kind"] == "pushes" and content["mse"]["unit"] == "mm²"
-    assert "mm²" in content["sentence"] and "strokes" not in content["sentence"]
+    assert "mm²" in content["text"] and "strokes" not in content["text"]
     assert (content["rows"], content["actions"]) == (len(lossy.measured), 35)
     assert content["established"][0]["parameters"]["lost_share"]["value"] > 0
 

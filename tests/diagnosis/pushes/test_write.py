@@ -90,7 +90,7 @@ def test_proposed_pushes_are_feasible_pairs(lossy: Played, screened: tuple[PushS
 
 def test_report_page_is_reproducible(lossy: Played, screened: tuple[PushScreening, PushProposal]) -> None:
     verdict = {
-        "sentence": "It loses volume. A note.",
+        "text": "It loses volume. A note.",
         "kind": "pushes",
         "rows": 49,
         "actions": 35,

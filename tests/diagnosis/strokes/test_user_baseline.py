@@ -50,11 +50,11 @@ def given(written: Written) -> UserBaseline:
 def test_verdict_adds_the_baseline_only(written: Written, given: UserBaseline) -> None:
     plain, beside = (verdict(written.result, given_mse=mse) for mse in (None, given.mse))
     assert beside["mse"].pop("given") == given.mse > beside["mse"]["base"]
-    added = beside["sentence"].replace(plain["sentence"], "").strip()
+    added = beside["text"].replace(plain["text"], "").strip()
     assert added.startswith("The given model has an error of") and "calibration" in added
-    assert beside | {"sentence": ""} == plain | {"sentence": ""}
+    assert beside | {"text": ""} == plain | {"text": ""}
     better = verdict(written.result, given_mse=plain["mse"]["base"] / 2)
-    assert "no more than the base" in better["sentence"]
+    assert "no more than the base" in better["text"]
 
 
 def test_page_shows_baseline_predictions(written: Written, given: UserBaseline) -> None:

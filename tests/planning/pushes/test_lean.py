@@ -7,7 +7,7 @@ from pipelines._imports import ROOT
 
 SCULPT = """
 import sys
-for heavy in ("torch", "sklearn", "skimage", "pandas", "matplotlib", "PIL", "onnxruntime", "trimesh"):
+for heavy in ("torch", "sklearn", "skimage", "pandas", "matplotlib", "onnxruntime", "trimesh"):
     sys.modules[heavy] = None  # an import of it is an ImportError
 import numpy as np
 import pentimento.control.sculptor

@@ -20,13 +20,13 @@ class PressDensity(Mechanism):
 
     @classmethod
     def reference_of(cls, context: StrokeContext) -> dict[str, float]:
-        """``middle_m`` and ``half_m``: middle and half of the range of press depths."""
+        """``press_m`` and ``half_press_m``: middle and half of the range of press depths."""
         if not press_varies(context):
             raise NotObservable("all strokes have the same press")
         press = -context.path[..., 3]
         low, high = float(press.min()), float(press.max())
-        return {"middle_m": (low + high) / 2, "half_m": (high - low) / 2}
+        return {"press_m": (low + high) / 2, "half_press_m": (high - low) / 2}
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
-        press = (-context.path[..., 3] - self.reference["middle_m"]) / self.reference["half_m"]
+        press = (-context.path[..., 3] - self.reference["press_m"]) / self.reference["half_press_m"]
         return mark._replace(density=mark.density * torch.exp(self.values[0] * press))
