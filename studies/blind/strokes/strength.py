@@ -66,7 +66,6 @@ USUAL: dict[str | None, float] = {
     "speed_width": 0.2,
     "speed_density": 0.7,
     "speed_bleed": 3.0,
-    "press_density": 0.5,
     "tool_wear": 0.2,
     "ink_depletion": 0.22,
     "paper_bleed": 0.3,

@@ -26,7 +26,7 @@ GEOMETRIC = (
     "illumination_gradient",
 )
 _EVERYWHERE = ("speed_width", "speed_density", "tool_wear", "paper_bleed")
-_PAINT = ("ink_depletion", "press_density", "bristle_lag", "drying_shift", "wet_mixing")
+_PAINT = ("ink_depletion", "bristle_lag", "drying_shift", "wet_mixing")
 # A marker has no paint that dries visibly or stays wet, no trailing bristles and no line that press widens. Its black
 # shows no change of illumination. It is never dipped, so that ink_depletion and tool_wear are the same.
 CAUSES: dict[ToolName, tuple[str, ...]] = {

@@ -22,7 +22,6 @@ POINTS = 12
 PARAMETERS = Traj2StrokeParameters((1.02, 0.97), (3e-4, -2e-4), 1.0, 2e-3, 0.3, 0.9)
 REFERENCE = {
     "column": 0.0, "since": 0.05, "speed_m_s": 0.05, "x_m": 0.06, "y_m": 0.04, "half_m": 0.06, "middle": 0.0,
-    "press_m": 0.001, "half_press_m": 0.001,
     "half": 30.0, "spread": 1.0, "usual_age_s": 60.0, "oldest_s": 600.0, "bending_per_m": 50.0, "air": 0.0,
 } | {f"share_{k + 1}": 0.1 for k in range(5)}  # fmt: skip
 COLUMNS = (

@@ -158,7 +158,6 @@ def test_mechanisms_of_zero_strength_change_nothing() -> None:
     assert inherit(strokes, base) == {} and base.gain is None
     reference = {
         "column": 0.0, "since": 1.0, "speed_m_s": 0.05, "x_m": 0.1, "y_m": 0.1, "half_m": 0.1, "middle": 0.0,
-        "press_m": 0.001, "half_press_m": 0.001,
         "half": 1.0, "spread": 1.0, "usual_age_s": 60.0, "oldest_s": 600.0, "bending_per_m": 50.0,
     } | {f"share_{k + 1}": 0.1 for k in range(5)}  # fmt: skip
     nothing = [kind(torch.zeros(len(kind.quantities)), reference) for kind in VOCABULARY]

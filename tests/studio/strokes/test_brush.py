@@ -88,14 +88,6 @@ def test_speed_narrows_and_thins() -> None:
     assert np.all(_drag(fast).film == 1)
 
 
-def test_press_lays_down_more_paint() -> None:
-    light, deep = (straight(depth_m=depth) for depth in (0.0005, 0.002))
-    middle = len(_drag(light).film) // 2
-    thin, thick = (_drag(tip, press_density=1.0).film[middle] for tip in (light, deep))
-    assert thick > 1.1 * thin
-    assert np.all(_drag(deep).film == 1)
-
-
 def test_use_widens_a_tip_quickly_at_first() -> None:
     new, used, old = (_half_width_m(_drag(straight(), worn_m=m, tool_wear=1.0)) for m in (0.0, 5.0, 10.0))
     assert used - new > old - used > 0

@@ -9,16 +9,7 @@ from pentimento.studio.strokes.world import WORLDS, load_world
 
 NAMES = sorted(path.stem for path in WORLDS.glob("*.toml") if path.stem != "table")
 VOCABULARY = {
-    *(
-        "ink_depletion",
-        "speed_width",
-        "speed_density",
-        "speed_bleed",
-        "press_density",
-        "bristle_lag",
-        "latency",
-        "backlash",
-    ),
+    *("ink_depletion", "speed_width", "speed_density", "speed_bleed", "bristle_lag", "latency", "backlash"),
     *("path_scale", "path_offset", "canvas_tilt", "lens_distortion", "vignetting", "illumination_gradient"),
     *("tool_wear", "drying_shift", "wet_mixing", "orientation_width", "curvature_width", "paper_bleed"),
 }

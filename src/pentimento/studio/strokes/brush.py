@@ -123,7 +123,7 @@ def drag(tip: Tip, surface_m: Array, tool: Tool, *, effects: Effects, worn_m: fl
     tight = (curvature * BEND_RADIUS_M) ** 2
     swing = effects.curvature_width * BEND_WIDENING * np.sign(curvature) * tight / (1 + tight)
     outer = swing[:, None] * np.column_stack([heading[:, 1], -heading[:, 0]])
-    film = _speed_thinning(speed, tool, effects.speed_density) * _squeezed_out(press, tool, effects.press_density)
+    film = _speed_thinning(speed, tool, effects.speed_density)
     return Drag(patch, press, frame, outer, film, speed)
 
 
@@ -223,12 +223,6 @@ def _speed_thinning(speed: Array, tool: Tool, strength: float) -> Array:
     """Viscous supply keeps up with slow strokes only; 1 at the reference speed."""
     reference = (tool.reference_speed_m_s / SPEED_SCALE_M_S) ** 2
     return np.asarray(((1 + reference) / (1 + (speed / SPEED_SCALE_M_S) ** 2)) ** (0.9 * strength))
-
-
-def _squeezed_out(press: Array, tool: Tool, strength: float) -> Array:
-    """Press squeezes paint out of the tip, less and less for each further millimetre; 1 at the splay's half press."""
-    depth = np.maximum(press, 0.0)
-    return np.asarray((0.5 + depth / (depth + tool.splay_press_m)) ** (1.2 * strength))
 
 
 def _wear_widening(worn_m: float, tool: Tool, strength: float) -> float:

@@ -104,7 +104,6 @@ class Effects:
     speed_width: float
     speed_density: float
     speed_bleed: float
-    press_density: float
     bristle_lag: float
     latency: float
     backlash: float

@@ -42,8 +42,8 @@ COUNT, POINTS = 6, 40
 MODEL = Traj2Stroke(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.5, 1e-3, 0.5, 0.9)).requires_grad_(False)
 
 
-def context(press_step_m: float = 2e-4) -> StrokeContext:
-    """Strokes of all kinds, with three depths of press and all that a cause may depend on; double precision."""
+def context() -> StrokeContext:
+    """Strokes of all kinds, with everything recorded that a cause may depend on; double precision."""
     rng = np.random.default_rng(0)
     t = np.linspace(0, 1, POINTS)
     paths = []
@@ -53,8 +53,9 @@ def context(press_step_m: float = 2e-4) -> StrokeContext:
         start = rng.uniform((0.05, 0.05), (0.2, 0.15))
         x = start[0] + np.cos(heading) * along - np.sin(heading) * across
         y = start[1] + np.sin(heading) * along + np.cos(heading) * across
-        z = np.full(POINTS, -0.002 - press_step_m * (i % 3))
-        paths.append(np.column_stack([t * rng.uniform(0.4, 2), x, y, z, np.full(POINTS, 0.2 * i)]))
+        paths.append(
+            np.column_stack([t * rng.uniform(0.4, 2), x, y, np.full(POINTS, -0.002), np.full(POINTS, 0.2 * i)])
+        )
     number = torch.arange(COUNT, dtype=torch.float64)[:, None]
     columns = {
         "ink_since_reload_m": 0.05 * (number % 3),
@@ -292,8 +293,8 @@ def test_canvas_tilt_acts_as_a_change_of_press_depth() -> None:
 
 
 def test_where_all_strokes_are_pressed_same_heading_a_tilt_is_another_width() -> None:
-    strokes = context(press_step_m=0.0)
-    tilt = CanvasTilt(torch.tensor([4e-4, 0.0], dtype=torch.float64), CanvasTilt.reference_of(strokes))
+    strokes = context()
+    tilt = made(CanvasTilt, 4e-4, 0.0)
     plain, tilted = extended_mark(MODEL.double(), [], strokes), extended_mark(MODEL.double(), [tilt], strokes)
     wider_m = tilted.radius_m - plain.radius_m
     reference = tilt.reference

@@ -13,7 +13,6 @@ from pentimento.dynamics.strokes.mechanisms.orientation_width import Orientation
 from pentimento.dynamics.strokes.mechanisms.paper_bleed import PaperBleed
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
 from pentimento.dynamics.strokes.mechanisms.path_scale import PathScale
-from pentimento.dynamics.strokes.mechanisms.press_density import PressDensity
 from pentimento.dynamics.strokes.mechanisms.speed_bleed import SpeedBleed
 from pentimento.dynamics.strokes.mechanisms.speed_density import SpeedDensity
 from pentimento.dynamics.strokes.mechanisms.speed_width import SpeedWidth
@@ -36,7 +35,6 @@ VOCABULARY: tuple[type[Mechanism], ...] = (
     PaperBleed,
     PathOffset,
     PathScale,
-    PressDensity,
     SpeedBleed,
     SpeedDensity,
     SpeedWidth,
