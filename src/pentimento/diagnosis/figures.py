@@ -30,6 +30,7 @@ Array = NDArray[Any]
 DIVERGING = "RdBu_r"
 QUIET = "#8a8a86"
 GREEN = "#4f7f4a"
+RED = "#a33a3a"
 _PAGE_IN = 10.5
 """Width of a page-wide figure."""
 _MIN_BAR = 0.002
@@ -255,7 +256,7 @@ def leave_one_out(result: Result[M], given_mse: float | None = None) -> bytes:
             bars.insert(0, ("given\nmodel", 0.0, given_mse, INK, False))
         for finding in result.established:
             low, high = sorted((extended, finding.mse_without))
-            colour = GREEN if finding.mse_without >= extended else "#a33a3a"
+            colour = GREEN if finding.mse_without >= extended else RED
             bars.append((f"without\n{finding.cause}", low, high, colour, False))
         bars.append(("extended", 0.0, extended, BLUE, False))
         left = max(result.structure.unexplained, key=lambda one: one.generic_gain, default=None)
@@ -271,7 +272,8 @@ def leave_one_out(result: Result[M], given_mse: float | None = None) -> bytes:
                 x, high - low, bottom=low, width=0.62, color=to_rgba(colour, 0.35 if expected else 1.0),
                 edgecolor=colour, hatch="//" if expected else None,
             )  # fmt: skip
-            axes.annotate(_small(high - low), (x, high), (0, 3), textcoords="offset points", ha="center")
+            sign = "" if low == 0 else "−" if colour in (RED, QUIET) else "+"  # of the extended model's error
+            axes.annotate(sign + _small(high - low), (x, high), (0, 3), textcoords="offset points", ha="center")
         if floor is not None:
             axes.axhspan(*floor.interval, color="#bdbdb6", alpha=0.4, lw=0)
         axes.set_xticks(range(len(bars)), [name for name, *_ in bars])

@@ -11,8 +11,9 @@ from pentimento.diagnosis import figures
 from pentimento.diagnosis.diagnose import Finding, Result
 from pentimento.diagnosis.experiment_design import ALIASED, aliasing_sentences
 from pentimento.diagnosis.figures import Screening
-from pentimento.diagnosis.problem import M
+from pentimento.diagnosis.problem import Cause, M
 from pentimento.diagnosis.search import Test
+from pentimento.diagnosis.verdict import size
 from pentimento.report.templates import render
 from pentimento.report.wording import decimal, percent
 
@@ -113,15 +114,16 @@ def lead(result: Result[M]) -> str:
 
 def cause_rows(result: Result[M], screening: Screening[Any, Any]) -> list[CauseRow]:
     """Established and suspected causes, then all others by p, then those that these rows cannot show."""
-    rows = [_of_finding(f, "established", screening) for f in result.established]
-    rows += [_of_finding(f, "suspected", screening) for f in result.suspected]
+    causes = result.known.causes
+    rows = [_of_finding(f, causes[f.cause], "established", screening) for f in result.established]
+    rows += [_of_finding(f, causes[f.cause], "suspected", screening) for f in result.suspected]
     error = float(result.known.losses(result.decided.model).mean())
     for cause, test in sorted(result.others.items(), key=lambda item: item[1].p):
         rows.append(_of_test(cause, test, error, screening))
     return rows + [CauseRow(cause, "not observable", reason=why) for cause, why in result.known.unobservable.items()]
 
 
-def _of_finding(finding: Finding, verdict: str, screening: Screening[Any, Any]) -> CauseRow:
+def _of_finding(finding: Finding, cause: Cause, verdict: str, screening: Screening[Any, Any]) -> CauseRow:
     return CauseRow(
         finding.cause,
         verdict,
@@ -129,10 +131,7 @@ def _of_finding(finding: Finding, verdict: str, screening: Screening[Any, Any]) 
         gain=_share(finding.gain),
         share=finding.gain,
         interval=_between(finding.gain_interval),
-        quantities=[
-            f"{name} {_number(value)}\u00a0±\u00a0{_number(error, 1)}"
-            for name, (value, error) in finding.values.items()
-        ],
+        quantities=[size(q, *finding.values[q.name]).replace(" ", "\u00a0") for q in cause.quantities],
         rivals=finding.rivals,
         aliased=_aliased(finding.cause, screening),
         detectable=_detectable(finding.cause, screening),

@@ -162,12 +162,12 @@ def _structured(result: Result[M]) -> str:
 
 
 def _named(finding: Finding, cause: Cause, gap: str) -> str:
-    sizes = [_size(q, *finding.values[q.name]) for q in cause.quantities]
+    sizes = [size(q, *finding.values[q.name]) for q in cause.quantities]
     probability = f"probability {finding.probability:.3g}"
     return f"{finding.cause} ({probability}): {', '.join(sizes)}; removes {finding.gain:.0%} of the {gap}."
 
 
-def _size(quantity: Quantity, value: float, error: float) -> str:
+def size(quantity: Quantity, value: float, error: float) -> str:
     """A quantity with its standard error, lengths in mm: ``x −0.101 ± 0.01 mm``."""
     name, factor, unit = quantity.name, 1.0, quantity.unit
     if unit == "s":

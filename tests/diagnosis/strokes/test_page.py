@@ -70,7 +70,7 @@ def test_table_starts_with_findings(written: Written) -> None:
         ("bristle_lag", "established"), ("bristle_lag", "suspected"),
     ]  # fmt: skip
     assert (rows[0].gain, rows[0].probability, rows[0].p) == ("41\u00a0%", "0.97", "")
-    assert rows[0].quantities[0].startswith("distance_m −0.00400") and rows[0].rivals == ("latency",)
+    assert rows[0].quantities == ["distance\u00a0−4\u00a0±\u00a01\u00a0mm"] and rows[0].rivals == ("latency",)
     assert rows[2].verdict == rows[2].probability == "" and rows[2].p != ""
 
 

@@ -52,7 +52,7 @@ class StrokeProblem:
     unobservable: Mapping[str, str]
     seed: int
     kind: str = "strokes"
-    unit: str = "sRGB"
+    unit: str = "sRGB²"
     modes: tuple[str, ...] = MODES
 
     @property
