@@ -72,8 +72,8 @@ class Mechanism:
     """Its name in the vocabulary."""
     site: ClassVar[Site]
     driving_covariate: ClassVar[str]
-    """The covariate that the effect depends on. Causes with the same driving covariate are aliased where their assumed
-    forms are not exact."""
+    """The name of its family, mostly the covariate that the effect depends on. Causes of one family are compared with
+    each other, because they are aliased where their assumed forms are not exact."""
     quantities: ClassVar[tuple[Quantity, ...]]
     informative_covariates: ClassVar[tuple[str, ...]] = ()
     """Covariates of a stroke, recorded or computed from its path, that the effect depends on."""

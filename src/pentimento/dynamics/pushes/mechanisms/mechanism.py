@@ -99,8 +99,8 @@ class Mechanism:
     """Its name in the vocabulary."""
     site: ClassVar[Site]
     driving_covariate: ClassVar[str]
-    """The covariate that the effect depends on. Causes with the same driving covariate are aliased where their assumed
-    forms are inexact."""
+    """The name of its family, mostly the covariate that the effect depends on. Causes of one family are compared with
+    each other, because they are aliased where their assumed forms are inexact."""
     quantities: ClassVar[tuple[Quantity, ...]]
     informative_covariates: ClassVar[tuple[str, ...]] = ()
     """Columns and properties of the surface and path that the effect depends on."""
