@@ -1,5 +1,6 @@
 """PNG in and out, and picture files in. RGB order everywhere; OpenCV's BGR never leaves this module."""
 
+import math
 import re
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pentimento.contracts.atomic import atomic_write
-from pentimento.contracts.errors import ImageError
+from pentimento.contracts.errors import ImageError, PentimentoError
+from pentimento.contracts.frames import pixels_per_m
 from pentimento.contracts.picture_files import MAX_PIXELS, PNG, decode_picture
 
 _SAYS_MORE: Final = re.compile(rb"iCCP|eXIf|cICP|gAMA|cHRM")
@@ -82,6 +84,14 @@ def png_shape(data: bytes) -> tuple[int, int]:
         height, width = decode_png(data).shape[:2]
         return height, width
     return int.from_bytes(data[20:24]), int.from_bytes(data[16:20])
+
+
+def recorded_pixels_per_m(cell: Any, window_m: Any) -> float:
+    """Pixels a metre of an image cell over its window; NaN where loading its row will say what is wrong."""
+    try:
+        return pixels_per_m(png_shape(cell["bytes"]), window_m)
+    except (PentimentoError, TypeError):
+        return math.nan
 
 
 def decode_image(data: bytes, name: str) -> npt.NDArray[np.uint8]:

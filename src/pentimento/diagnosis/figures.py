@@ -272,7 +272,7 @@ def leave_one_out(result: Result[M], given_mse: float | None = None) -> bytes:
                 x, high - low, bottom=low, width=0.62, color=to_rgba(colour, 0.35 if expected else 1.0),
                 edgecolor=colour, hatch="//" if expected else None,
             )  # fmt: skip
-            sign = "" if low == 0 else "−" if colour in (RED, QUIET) else "+"  # of the extended model's error
+            sign = "" if low == 0 else "+" if low == extended else "−"  # the change of the extended model's error
             axes.annotate(sign + _small(high - low), (x, high), (0, 3), textcoords="offset points", ha="center")
         if floor is not None:
             axes.axhspan(*floor.interval, color="#bdbdb6", alpha=0.4, lw=0)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier
 from torch import Tensor
 
 from pentimento.handwriting.recording import resample
-from pentimento.handwriting.trajvae import Strokes, TrajVAE
+from pentimento.handwriting.trajvae import Strokes, TrajVAE, reconstruction_errors_mm
 
 FloatArray = NDArray[np.float64]
 
@@ -62,9 +61,7 @@ def _features(path: FloatArray) -> FloatArray:
 
 def reconstruction_mm(model: TrajVAE, strokes: Strokes) -> float:
     """Mean distance, mm, of points from their reconstruction from the strokes' mean latents."""
-    with torch.no_grad():
-        xy, _ = model.decode(model.encode(strokes)[0])
-    return distance_mm(xy, strokes.xy_m)
+    return float(reconstruction_errors_mm(model, strokes).mean())
 
 
 def nearest_mm(known: Strokes, strokes: Strokes) -> float:

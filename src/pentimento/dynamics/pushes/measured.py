@@ -19,7 +19,7 @@ from pentimento.contracts import frames
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.frames import coarsening
 from pentimento.contracts.height_maps import decode_height_m, level, surface_at_m
-from pentimento.contracts.images import png_shape
+from pentimento.contracts.images import recorded_pixels_per_m
 from pentimento.contracts.tables import MAX_BAD_SHARE, reason_list, row_fingerprint, row_list
 from pentimento.planning.pushes.holes import fill_holes
 
@@ -120,7 +120,9 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
     bad: dict[int, str] = {}
     copies: list[int] = []
     seen: set[bytes] = set()
-    factors = coarsening([_scale(table.slice(number, 1)) for number in range(table.num_rows)], pixels_per_m)
+    shown = zip(table["before"], table["window_m"], strict=True)
+    scales = [recorded_pixels_per_m(before.as_py(), window.as_py()) for before, window in shown]
+    factors = coarsening(scales, pixels_per_m)
     for number in range(table.num_rows):
         row = table.slice(number, 1).to_pylist()[0]
         try:
@@ -142,15 +144,6 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
     samples = _stacked(list(loaded.values()), table.take(list(loaded)))
     tilted = sum(sample.tilted for sample in loaded.values())
     return samples, Repairs(table.num_rows, bad, tuple(copies), tilted, float(1 - samples.known.mean()))
-
-
-def _scale(row: pa.Table) -> float:
-    """Pixels a metre of a table's one row as recorded; NaN where it cannot be told, which loading the row explains."""
-    try:
-        (values,) = row.select(["before", "window_m"]).to_pylist()
-        return frames.pixels_per_m(png_shape(values["before"]["bytes"]), values["window_m"])
-    except (PentimentoError, TypeError):
-        return math.nan
 
 
 def _load_row(row: dict[str, Any], factor: int) -> _Row:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
@@ -68,7 +67,8 @@ def load_samples(table: pa.Table, points: int, pixels_per_m: float | Auto, margi
         chosen = sampling_of(table, pixels_per_m, margin_m)
         pixels_per_m, margin_m = chosen.pixels_per_m, chosen.margin_m
     scale, margin = float(pixels_per_m), float(margin_m)
-    scales = [_scale(*row) for row in zip(table["before"].to_pylist(), table["window_m"].to_pylist(), strict=True)]
+    shown = zip(table["before"], table["window_m"], strict=True)
+    scales = [images.recorded_pixels_per_m(before.as_py(), window.as_py()) for before, window in shown]
     coarser = frames.coarsening(scales, scale)
     loaded = _each_row(table, lambda n, row: _load_row(row, points, int(coarser[n]), margin_m=margin))
     height = max(one.before.shape[0] for one in loaded)
@@ -154,14 +154,6 @@ class _Row:
     top_left_m: Array
     """[2], canvas frame."""
     pixels_per_m: float
-
-
-def _scale(before: object, window_m: object) -> float:
-    """Pixels a metre of a row as recorded; NaN where it cannot be told, which loading the row explains."""
-    try:
-        return frames.pixels_per_m(images.png_shape(before["bytes"]), window_m)  # type: ignore[index, arg-type]
-    except (PentimentoError, TypeError):
-        return math.nan
 
 
 def _load_row(row: dict[str, object], points: int, coarser: int, *, margin_m: float) -> _Row:
