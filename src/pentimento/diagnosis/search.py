@@ -42,6 +42,7 @@ def search(
         log: gets one line for each accepted cause.
         min_share: of the error above the floor, that a cause must remove.
     """
+    needless: set[str] = set()
     dismissed: set[str] = set()
     while len(model.causes) < rule.most_causes:
         left = [name for name in problem.causes if name not in (*model.causes, *dismissed)]
@@ -64,7 +65,8 @@ def search(
         chosen = simplest_of_the_best(useful, float(before.mean()), problem, rule, seed=seed)
         log(f"{chosen}: error {before.mean():.3g} -> {useful[chosen].mean():.3g}")
         model = without_needless(problem, refits[chosen], rule, seed=seed, log=log)
-        dismissed |= {name for name in refits[chosen].causes if name not in model.causes}
+        needless |= {name for name in refits[chosen].causes if name not in model.causes}
+        dismissed = set(needless)  # a candidate that did not help may help beside the new cause
     return model
 
 
