@@ -47,7 +47,9 @@ def test_straight_stroke_is_a_capsule_with_the_thesis_profile() -> None:
     coverage = one_stroke([[8.0, 10.0], [20.0, 10.0]], radius=4.0, softness=0.5)
     columns, rows = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
     distance = np.hypot(columns - np.clip(columns, 8, 20), rows - 10)
-    np.testing.assert_allclose(coverage, np.clip(1 - distance / 4, 0, 1) ** 0.5, atol=1e-12)
+    inside = distance <= 3.5
+    np.testing.assert_allclose(coverage[inside], (1 - distance[inside] / 4) ** 0.5, atol=1e-12)
+    assert (coverage[distance >= 4.5] == 0).all()
 
 
 def test_thesis_distance_as_printed_gives_an_infinite_line() -> None:
@@ -66,7 +68,33 @@ def test_thesis_distance_as_printed_gives_an_infinite_line() -> None:
 def test_single_point_is_a_disc() -> None:
     coverage = one_stroke([[15.0, 11.0]], radius=5.0)
     columns, rows = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
-    np.testing.assert_allclose(coverage, np.clip(1 - np.hypot(columns - 15, rows - 11) / 5, 0, 1), atol=1e-12)
+    distance = np.hypot(columns - 15, rows - 11)
+    np.testing.assert_allclose(coverage[distance <= 4.5], 1 - distance[distance <= 4.5] / 5, atol=1e-12)
+    assert (coverage[distance >= 5.5] == 0).all()
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.3, 0.5, 0.77, 2.0, 3.3])
+def test_a_crisp_line_covers_its_area_wherever_it_lies(radius: float) -> None:
+    """Across a horizontal line with c = 0 the coverage sums up to its width, between and on pixel centres."""
+    for row in (10.0, 10.23, 10.5, 10.81):
+        coverage = one_stroke([[2.0, row], [28.0, row]], radius=radius, softness=0.0)
+        assert coverage[:, 15].sum() == pytest.approx(2 * radius)
+
+
+def test_the_gradient_of_a_crisp_mark_is_the_slope_of_its_area() -> None:
+    """A disc of radius R has the area π R², whose slope is 2 π R, for any c that is nearly 0."""
+    disc = [
+        torch.tensor([[[[15.3, 11.2]]]], dtype=torch.float64),
+        torch.full((1, 1, 1), 6.0, dtype=torch.float64),
+        torch.ones(1, 1, 1, dtype=torch.float64),
+        torch.full((1, 1, 1), 1e-3, dtype=torch.float64),
+        torch.ones(1, 1, 3, dtype=torch.float64),
+        torch.zeros(1, *SHAPE, 3, dtype=torch.float64),
+    ]
+    radius = disc[1].requires_grad_(True)
+    area = render_strokes(*painting(*disc))[..., 0].sum()
+    assert float(area.detach()) == pytest.approx(np.pi * 6**2, rel=0.02)
+    assert float(torch.autograd.grad(area, radius)[0]) == pytest.approx(2 * np.pi * 6, rel=0.05)
 
 
 def test_later_strokes_cover_earlier_ones() -> None:
@@ -212,6 +240,7 @@ def test_single_precision_gradients_agree_with_the_reference() -> None:
 
 def test_constant_and_varying_profiles_agree() -> None:
     inputs = strokes(4, 6, seed=8)
+    inputs[1] = torch.full_like(inputs[1], 2.3)  # where the radius varies, the two may choose different segments
     inputs[2] = torch.full_like(inputs[2], 0.8)
     inputs[3] = torch.full_like(inputs[3], 0.7)
     constant = render_strokes(*painting(*inputs))

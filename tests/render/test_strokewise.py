@@ -80,7 +80,7 @@ def test_invisible_strokes_have_no_effect() -> None:
         rise_without(hard, canvas, target, distances=(1, 2)),
         fall_with(hard, canvas, target, distances=(1, 2)),
     )
-    assert without[0] == 0 and without[2] == 0 and alone[1] == 0 and alone[2] == 0
+    np.testing.assert_allclose([without[0], without[2], alone[1], alone[2]], 0, atol=1e-12)
     assert abs(alone[0]) > 1
     assert without[1] == pytest.approx(-fall_with(hard.at([0]), canvas, target, distances=(1, 2))[0])  # bares the first
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from pentimento.render.composition import compose_backward, compose_carrying_backward
 from pentimento.render.coverage import (
+    HALF_PX,
     LANES,
     LENGTH_EPSILON,
-    Q_MIN,
     R_MIN,
+    RIM_PX,
     SEGMENT_FIELDS,
     compiled,
     describe_segments,
@@ -168,29 +169,39 @@ def _add_all(scratch: Array, of_segment: Array) -> None:
 def _pull(scratch: Array) -> None:
     """Chain rule through one coverage, for LANES fragments."""
     zero, one = scratch.dtype.type(0.0), scratch.dtype.type(1.0)
-    floor, q_floor = scratch.dtype.type(R_MIN), scratch.dtype.type(Q_MIN)
+    floor, rim, half = scratch.dtype.type(R_MIN), scratch.dtype.type(RIM_PX), scratch.dtype.type(HALF_PX)
     shortest, ln2 = one / scratch.dtype.type(LENGTH_EPSILON), scratch.dtype.type(_LN2)
     for i in range(LANES):
         gx, gy, ex, ey = scratch[i], scratch[LANES + i], scratch[2 * LANES + i], scratch[3 * LANES + i]
         inverse, r_u, r_step = scratch[4 * LANES + i], scratch[5 * LANES + i], scratch[6 * LANES + i]
-        rho_step, c_u, c_step = scratch[8 * LANES + i], scratch[9 * LANES + i], scratch[10 * LANES + i]
+        rho_u, rho_step = scratch[7 * LANES + i], scratch[8 * LANES + i]
+        c_u, c_step = scratch[9 * LANES + i], scratch[10 * LANES + i]
         a, g_a = scratch[11 * LANES + i], scratch[12 * LANES + i]
         t_free = (gx * ex + gy * ey) * inverse
         t = min(max(t_free, zero), one)
         wx, wy = gx - t * ex, gy - t * ey
         d = np.sqrt(wx * wx + wy * wy)
         r_free = r_u + t * r_step
-        per_r = one / max(r_free, floor)
-        q_free = one - d * per_r
-        q = max(q_free, q_floor)
+        r = max(r_free, floor)
+        per_r = one / r
+        within = r - d
+        q = min(max(within, rim) * per_r, one)
+        edge = min(r, d + half) + min(r, half - d)
         log_q = log2(q)
         soft = c_u + t * c_step
-        g_rho = g_a * exp2(soft * log_q)
+        power = exp2(soft * log_q)
+        g_rho = g_a * power * edge
         g_soft = g_a * a * log_q * ln2
-        g_q = g_a * soft * a / q if q_free > q_floor else zero
-        g_r = g_q * d * per_r * per_r if r_free > floor else zero
+        g_q = g_a * soft * a / q * per_r if q < one else zero
+        g_edge = g_a * (rho_u + t * rho_step) * power
+        sloped = within > rim
+        g_r = g_q * ((one if sloped else zero) - q)
+        g_r += g_edge * ((one if r <= d + half else zero) + (one if r <= half - d else zero))
+        g_r = g_r if r_free > floor else zero
+        g_d = g_edge * ((one if r > d + half else zero) - (one if r > half - d else zero))
+        g_d -= g_q if sloped else zero
         # D is stationary in T where T is not clamped, so the distance acts on the ends by their share alone.
-        pull = g_q * per_r / d if d > zero else zero
+        pull = -g_d / d if d > zero else zero
         # Radius, density and softness depend on T, and T on both ends.
         g_t = (g_r * r_step + g_rho * rho_step + g_soft * c_step) * inverse
         g_t = g_t if (t_free > zero) & (t_free < one) & (inverse < shortest) else zero

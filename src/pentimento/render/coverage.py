@@ -15,9 +15,14 @@ from numpy.typing import NDArray
 from pentimento.render.fastmath import exp2, log2
 
 R_MIN = 0.05
-"""Floor under the radius [px]. Thinner strokes would fall between pixel centres and have no gradient."""
-Q_MIN = 1e-3
-"""Floor under 1 − D/R where there is ink. It keeps the slope of (1 − D/R)^c finite at the rim for c < 1."""
+"""Floor under the radius [px]."""
+HALF_PX = 0.5
+"""Half a pixel's side [px]: ink falls up to so far beyond the radius."""
+RIM_PX = 0.25
+"""Floor under R − D in the profile [px]. The profile is not resolved within the pixels of the rim, and the slope of
+(1 − D/R)^c stays finite there for c < 1."""
+FAR = 1e30
+"""Rank of a pixel that no segment has reached."""
 LENGTH_EPSILON = 1e-12
 """Floor under a segment's squared length [px²]."""
 LANES = 16
@@ -56,8 +61,10 @@ def describe_segments(points: Array, radius: Array, density: Array, softness: Ar
 
 
 @inlined
-def _nearest(segment: Array, k: int, gy: float, first: int, columns: Array, rank: Array, winner: Array) -> None:
-    """Rank LANES columns by (D/R)², without root and power. Correct where density and softness are constant."""
+def _nearest(
+    segment: Array, k: int, gy: float, first: int, columns: Array, rank: Array, radius: Array, winner: Array
+) -> None:
+    """Rank LANES columns by (D/R)², without root and power."""
     zero, one, floor = rank.dtype.type(0.0), rank.dtype.type(1.0), rank.dtype.type(R_MIN)
     ux, ex, ey, inverse, r_u, r_step = segment[0], segment[2], segment[3], segment[4], segment[5], segment[6]
     along = gy * ey
@@ -70,6 +77,7 @@ def _nearest(segment: Array, k: int, gy: float, first: int, columns: Array, rank
         share = (wx * wx + wy * wy) / (r * r)
         better = share < rank[c]
         rank[c] = share if better else rank[c]
+        radius[c] = r if better else radius[c]
         winner[c] = np.int32(k) if better else winner[c]
 
 
@@ -77,7 +85,7 @@ def _nearest(segment: Array, k: int, gy: float, first: int, columns: Array, rank
 def _darkest(segment: Array, k: int, gy: float, first: int, columns: Array, rank: Array, winner: Array) -> None:
     """Rank LANES columns by −coverage."""
     zero, one, floor = rank.dtype.type(0.0), rank.dtype.type(1.0), rank.dtype.type(R_MIN)
-    q_floor = rank.dtype.type(Q_MIN)
+    half, rim = rank.dtype.type(HALF_PX), rank.dtype.type(RIM_PX)
     ux, ex, ey, inverse, r_u, r_step = segment[0], segment[2], segment[3], segment[4], segment[5], segment[6]
     rho, rho_step, soft, soft_step = segment[7], segment[8], segment[9], segment[10]
     along = gy * ey
@@ -86,23 +94,26 @@ def _darkest(segment: Array, k: int, gy: float, first: int, columns: Array, rank
         gx = columns[c] - ux
         t = min(max((gx * ex + along) * inverse, zero), one)
         wx, wy = gx - t * ex, gy - t * ey
-        q = one - np.sqrt(wx * wx + wy * wy) / max(r_u + t * r_step, floor)
-        value = (rho + t * rho_step) * exp2((soft + t * soft_step) * log2(max(q, q_floor)))
-        lighter = -value if q > zero else one
+        d, r = np.sqrt(wx * wx + wy * wy), max(r_u + t * r_step, floor)
+        q, edge = min(max(r - d, rim) / r, one), min(r, d + half) + min(r, half - d)
+        value = (rho + t * rho_step) * exp2((soft + t * soft_step) * log2(q)) * edge
+        lighter = -value if edge > zero else one
         better = lighter < rank[c]
         rank[c] = lighter if better else rank[c]
         winner[c] = np.int32(k) if better else winner[c]
 
 
 @inlined
-def _darken(density: float, softness: float, first: int, rank: Array) -> None:
-    """Convert (D/R)² to −coverage for LANES columns. 1 (no ink) stays 1."""
-    one, q_floor = rank.dtype.type(1.0), rank.dtype.type(Q_MIN)
+def _darken(density: float, softness: float, first: int, rank: Array, radius: Array) -> None:
+    """Convert (D/R)² to −coverage for LANES columns, 1 where there is no ink."""
+    zero, one = rank.dtype.type(0.0), rank.dtype.type(1.0)
+    half, rim, floor = rank.dtype.type(HALF_PX), rank.dtype.type(RIM_PX), rank.dtype.type(R_MIN)
     for i in range(LANES):
         c = np.uintp(first + i)
-        share = rank[c]
-        value = density * exp2(softness * log2(max(one - np.sqrt(share), q_floor)))
-        rank[c] = -value if share < one else one
+        r = max(radius[c], floor)
+        d = np.sqrt(rank[c]) * r
+        q, edge = min(max(r - d, rim) / r, one), min(r, d + half) + min(r, half - d)
+        rank[c] = -(density * exp2(softness * log2(q)) * edge) if edge > zero else one
 
 
 @compiled
@@ -111,6 +122,7 @@ def cover(
     constant: bool,
     columns: Array,
     rank: Array,
+    thickness: Array,
     winner: Array,
     left: Array,
     right: Array,
@@ -123,7 +135,8 @@ def cover(
         segments: [K, SEGMENT_FIELDS] as by ``describe_segments``.
         constant: density and softness are equal at all points of the stroke.
         columns: float[W + LANES], 0, 1, 2, …
-        rank: float[rows, W + LANES], all 1. On return −coverage where there is ink.
+        rank: float[rows, W + LANES], all FAR. On return −coverage where there is ink, 1 or FAR elsewhere.
+        thickness: float of the same shape; for the radius at each pixel.
         winner: int32 of the same shape. On return the segment with the largest coverage.
         left, right: int32[rows], filled with W and 0. On return the columns between which ink may lie.
         top: the canvas row of the band's first row.
@@ -133,12 +146,12 @@ def cover(
         The band's rows r0:r1 that may hold ink, and the number of pixel-segment pairs that were evaluated.
     """
     rows = rank.shape[0]
-    floor, infinite = rank.dtype.type(R_MIN), rank.dtype.type(1e30)
+    floor, infinite = rank.dtype.type(R_MIN), rank.dtype.type(FAR)
     low, high, evaluated = rows, 0, 0
     for k in range(segments.shape[0]):
         segment = segments[k]
         ux, uy, ex, ey = segment[0], segment[1] - rank.dtype.type(top), segment[2], segment[3]
-        reach = max(segment[5], segment[5] + segment[6], floor)
+        reach = max(segment[5], segment[5] + segment[6], floor) + rank.dtype.type(HALF_PX)
         r0 = _first(min(uy, uy + ey) - reach, rows)
         r1 = _end(max(uy, uy + ey) + reach, rows)
         c0 = _first(min(ux, ux + ex) - reach, width)
@@ -158,16 +171,16 @@ def cover(
                 start, end = max(c0, _first(middle - half, width)), min(c1, _end(middle + half, width))
             left[r], right[r] = min(left[r], start), max(right[r], end)
             evaluated += max(end - start, 0)
-            row_rank, row_winner = rank[r], winner[r]
+            row_rank, row_thickness, row_winner = rank[r], thickness[r], winner[r]
             for first in range(start, end, LANES):
                 if constant:
-                    _nearest(segment, k, gy, first, columns, row_rank, row_winner)
+                    _nearest(segment, k, gy, first, columns, row_rank, row_thickness, row_winner)
                 else:
                     _darkest(segment, k, gy, first, columns, row_rank, row_winner)
     if constant:
         for r in range(low, high):
             for first in range(left[r], right[r], LANES):
-                _darken(segments[0, 7], segments[0, 9], first, rank[r])
+                _darken(segments[0, 7], segments[0, 9], first, rank[r], thickness[r])
     return low, high, evaluated
 
 

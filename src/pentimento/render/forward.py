@@ -8,7 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.render.composition import compose, compose_carrying
-from pentimento.render.coverage import LANES, R_MIN, SEGMENT_FIELDS, compiled, cover, describe_segments, is_constant
+from pentimento.render.coverage import (
+    FAR,
+    HALF_PX,
+    LANES,
+    R_MIN,
+    SEGMENT_FIELDS,
+    compiled,
+    cover,
+    describe_segments,
+    is_constant,
+)
 
 Array = NDArray[Any]
 
@@ -28,7 +38,7 @@ class Fragments(NamedTuple):
     row: Array
     """uint16[F + LANES], of the band."""
     segment: Array
-    """uint16[F + LANES]: the segment with the largest coverage."""
+    """uint16[F + LANES]: the segment that covers the pixel."""
     coverage: Array
     """float[F + LANES]"""
     below: Array
@@ -47,7 +57,7 @@ def reach_of_strokes(points: Array, radius: Array) -> Array:
         for i in range(1, points.shape[1]):
             low, high, widest = min(low, points[s, i, 1]), max(high, points[s, i, 1]), max(widest, radius[s, i])
             length += np.hypot(points[s, i, 0] - points[s, i - 1, 0], points[s, i, 1] - points[s, i - 1, 1])
-        wide = np.float64(widest)
+        wide = np.float64(widest) + HALF_PX
         reach[s, 0], reach[s, 1] = low - wide, high + wide
         reach[s, 2] = (2 * length + 4 * wide) * wide
     return reach
@@ -87,7 +97,8 @@ def lay_band(
     n_strokes, n_points, _ = points.shape
     rows, width, channels = image.shape
     columns = np.arange(width + LANES).astype(points.dtype)
-    rank = np.ones((rows, width + LANES), points.dtype)
+    rank = np.full((rows, width + LANES), points.dtype.type(FAR))
+    thickness = np.zeros_like(rank)
     winner = np.zeros((rows, width + LANES), np.int32)
     left, right = np.full(rows, width, np.int32), np.zeros(rows, np.int32)
     segments = np.empty((max(n_points - 1, 1), SEGMENT_FIELDS), points.dtype)
@@ -103,7 +114,9 @@ def lay_band(
             continue
         describe_segments(points[s], radius[s], density[s], softness[s], segments)
         constant = is_constant(density[s]) and is_constant(softness[s])
-        r0, r1, evaluated = cover(segments, constant, columns, rank, winner, left, right, top, width)
+        r0, r1, evaluated = cover(
+            segments, constant, columns, rank, thickness, winner, left, right, top, width
+        )
         evaluations += evaluated
         needed = count + LANES
         for r in range(r0, r1):
@@ -118,7 +131,7 @@ def lay_band(
             for c in range(left[r], right[r]):  # a pixel without ink is overwritten by the next, which avoids a branch
                 column[count], row[count], segment[count], coverage[count] = c, r, winners[c], -ranks[c]
                 count += ranks[c] < 1
-            ranks[left[r] : right[r] + LANES] = 1
+            ranks[left[r] : right[r] + LANES] = FAR
             left[r], right[r] = width, 0
         start[s + 1] = count
         if channels == 4:

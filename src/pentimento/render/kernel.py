@@ -1,14 +1,20 @@
 """Rendering of strokes onto canvases, compiled with Numba: exact values and gradients, work only where ink falls.
 
-The coverage of a pixel G by a stroke is the maximum over its segments u → v of (thesis 5.1-5.5, corrected)
+The coverage of a pixel G by a segment u → v of a stroke is (thesis 5.1-5.5, corrected; lengths in px)
 
     T = clamp((G − u)·(v − u) / max(|v − u|², ε), 0, 1)      where on the segment
     D = |G − u − T (v − u)|                                  distance to the segment
     R = max((1 − T) r_u + T r_v, R_MIN)                      radius there; density ρ and softness c likewise
-    coverage = ρ · max(1 − D/R, Q_MIN)^c  if D < R else 0
+    edge = max(min(R, D + ½) + min(R, ½ − D), 0)             share of the pixel that lies within the rim
+    coverage = ρ · min(max(R − D, RIM_PX) / R, 1)^c · edge
 
-and strokes are composited in order, in linear light: image ← image + coverage · (colour − image). See ``composition``
-for tools that pick up wet paint.
+The edge is the average of a sharp rim over a pixel, along the way to the path. Without it a crisp mark (c near 0) would
+change by whole pixels as it grows or moves, and its gradient would be wrong. A line thinner than a pixel covers it in
+proportion to its width.
+
+The coverage by a stroke is that of the segment with the smallest D/R, where density and softness are equal along the
+stroke; it is the maximum over the segments, where they vary. Strokes are composited in order, in linear light:
+image ← image + coverage · (colour − image). See ``composition`` for tools that pick up wet paint.
 
 The formula corrects two errors of the thesis as printed: its (5.1) takes the minimum of the distances to the *line* and
 to both ends, which is the distance to an infinite line; its (5.2) drops the sign of the projection.
@@ -32,15 +38,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.render.backward import POINT_FIELDS, backward_band
-from pentimento.render.coverage import Q_MIN, R_MIN
 from pentimento.render.errors import RenderInputError
 from pentimento.render.forward import Fragments, expected_fragments, lay_band, reach_of_strokes
 from pentimento.render.strokes import PixelStrokes
 from pentimento.render.threads import in_threads
 
 __all__ = [
-    "Q_MIN",
-    "R_MIN",
     "Fragments",
     "RenderInputError",
     "StrokeGradients",

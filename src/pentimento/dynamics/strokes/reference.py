@@ -9,14 +9,14 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pentimento.render.kernel import Q_MIN, R_MIN
+from pentimento.render.coverage import HALF_PX, R_MIN, RIM_PX
 from pentimento.render.strokes import PixelStrokes
 
 
 def stroke_coverage(
     points: Tensor, radius: Tensor, density: Tensor, softness: Tensor, shape: tuple[int, int]
 ) -> tuple[Tensor, Tensor]:
-    """Coverage of one stroke at every pixel (thesis 5.1 to 5.5), and which of its segments covers most there.
+    """Coverage of one stroke at every pixel (thesis 5.1 to 5.5), and which of its segments covers it.
 
     Args:
         points: [N, 2] pixel coordinates (column, row); one point alone is a disc.
@@ -48,10 +48,12 @@ def stroke_coverage(
         return values[:-1, None, None] + t * (values[1:] - values[:-1])[:, None, None]
 
     thickness = along(radius).clamp(min=R_MIN)  # (5.4) is applied by the caller
-    q = 1 - distance / thickness
-    darkness = along(density) * q.clamp(min=Q_MIN) ** along(softness)  # (5.5)
-    coverage = torch.where(q > 0, darkness, 0.0)
-    return coverage.amax(dim=0), coverage.argmax(dim=0)
+    edge = torch.minimum(thickness, distance + HALF_PX) + torch.minimum(thickness, HALF_PX - distance)
+    q = ((thickness - distance).clamp(min=RIM_PX) / thickness).clamp(max=1.0)
+    coverage = along(density) * q ** along(softness) * edge.clamp(min=0.0)  # (5.5)
+    constant = bool((density == density[0]).all() and (softness == softness[0]).all())
+    chosen = (distance / thickness).argmin(dim=0) if constant else coverage.argmax(dim=0)
+    return coverage.gather(0, chosen[None])[0], chosen
 
 
 def render_reference(strokes: PixelStrokes[Tensor], canvas: Tensor) -> Tensor:

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from pentimento.render.coverage import LENGTH_EPSILON
-from pentimento.render.kernel import R_MIN
+from pentimento.render.coverage import HALF_PX, LENGTH_EPSILON, R_MIN
 
 TILE = 16
 """Pixels along a tile's side."""
@@ -98,4 +97,4 @@ def _is_near(u: Tensor, v: Tensor, tile: Tensor) -> Tensor:
 
 def _reach(u: Tensor, v: Tensor) -> Tensor:
     """How far ink of segments u → v [T, 3] falls from them [px]."""
-    return torch.maximum(u[:, 2], v[:, 2]).clamp(min=R_MIN)
+    return torch.maximum(u[:, 2], v[:, 2]).clamp(min=R_MIN) + HALF_PX
