@@ -21,9 +21,6 @@ from pentimento.diagnosis.search import held_out_losses, score_tests
 
 Array = NDArray[Any]
 
-_NO_RIVAL_Z = 100.0
-"""Where no other cause is possible in its place."""
-
 
 class Evidence(NamedTuple):
     """Evidence for one cause of a model, as numbers of which the decision is made."""
@@ -47,8 +44,6 @@ class Evidence(NamedTuple):
     share of what the cause removes."""
     rival: float
     """Error that the best other cause removes in its place, as a share of what the cause removes."""
-    rival_z: float
-    """Held-out error that it removes more than the best other cause in its place, in standard errors."""
     beside: float
     """Its share beside that of the strongest cause of the model, 1 for the strongest."""
     misfit: float
@@ -107,7 +102,6 @@ def evidence_for(
             signature_z=float(np.max((np.abs(fitted.vector[columns]) / errors)[signature])),
             unnamed=_best_curve(problem, without, cause, seed) / own,
             rival=max([0.0, *(float((before - losses).mean()) for losses in rivals.values())]) / own,
-            rival_z=min([_NO_RIVAL_Z, *(_z(losses - held_out) for losses in rivals.values())]),
             beside=1.0,
             misfit=misfit,
         )
