@@ -1,4 +1,4 @@
-"""Diagnose the errors of one tool's base stroke model, and extend the model by the established causes."""
+"""Diagnose the errors of one tool's base stroke model, and extend it by the established causes and a correction."""
 
 import argparse
 import json
@@ -26,9 +26,10 @@ from pentimento.dynamics.strokes.extended import (
     MeasuredStrokes,
     StrokeModel,
     model_files,
-    predict_extended,
+    predict_strokes,
     timing_of,
 )
+from pentimento.dynamics.strokes.fit_correction import CorrectionFit, fit_correction
 from pentimento.dynamics.strokes.joint import JointFit, fit_jointly
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.samples import load_samples
@@ -55,7 +56,7 @@ class DiagnoseGap:
     worlds: dict[str, str]
     """By tool, the studio's world of that robot; other tools get no further strokes."""
     joint_fit: TrainingConfig
-    """Of the base with the established causes; `held_out` is the fraction used for validation."""
+    """Of the base with the established causes, and of the correction; `held_out` is the share used for validation."""
 
     def __post_init__(self) -> None:
         at_least(self, 0, "seed", "rounds")
@@ -83,21 +84,28 @@ def main(arguments: argparse.Namespace) -> None:
         joint = fit_jointly(
             base, causes, training, validation=validation, timing=timing_of(columns), config=fit, log=run.log
         )
+        seen = strokes.pick(torch.nonzero(~torch.isin(samples.action, held_out.samples.action)).flatten())
+        corrected = fit_correction(joint.model, seen, config=fit, log=run.log)
         metrics = verdict_metrics(gap / "verdict.json") | {
             "held_out": {
                 "base": asdict(score_model(base, held_out.samples)),
-                "extended": asdict(score(_predicted(joint.model, held_out), held_out.samples)),
+                "uncorrected": _scores(joint.model, held_out),
+                "extended": _scores(corrected.model, held_out),
             },
             "joint_fit": {
                 "kept": joint.kept,
                 "validation_l1": {"base": joint.validation_l1[0], "extended": joint.validation_l1[1]},
             },
+            "correction": {
+                "share": corrected.share,
+                "cross_fitted_l1": {"without": corrected.held_out_l1[0], "with": corrected.held_out_l1[1]},
+            },
         }
-        for name, content in model_files(joint.model).items():
+        for name, content in model_files(corrected.model).items():
             write_json(out / name, content)
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
-        print(_summary(found, joint), file=sys.stderr)
+        print(_summary(found, joint), _said(corrected), file=sys.stderr)
         _log_candidates(run, found)
 
 
@@ -148,9 +156,18 @@ def _established(found: StrokeResult) -> list[Mechanism]:
     return [mechanism for mechanism in found.extended.model.mechanisms if mechanism.cause in names]
 
 
-def _predicted(model: StrokeModel, strokes: MeasuredStrokes) -> torch.Tensor:
-    with torch.no_grad():
-        return predict_extended(model.mark(), model.mechanisms, strokes)
+def _scores(model: StrokeModel, strokes: MeasuredStrokes) -> dict[str, float]:
+    return asdict(score(predict_strokes(model, strokes), strokes.samples))
+
+
+def _said(corrected: CorrectionFit) -> str:
+    before, after = corrected.held_out_l1
+    if corrected.share == 0:
+        return "A learned correction gains nothing on actions that it was not fitted to: the model has none."
+    return (
+        f"The learned correction, {corrected.share:.0%} of it, lowers the weighted L1 of actions that it was not "
+        f"fitted to from {before:.4g} to {after:.4g}."
+    )
 
 
 def _summary(found: StrokeResult, joint: JointFit) -> str:

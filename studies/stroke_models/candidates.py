@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -18,7 +19,14 @@ from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
 from pentimento.diagnosis.strokes.problem import stroke_problem
 from pentimento.dynamics.strokes.evaluation import blank, fit_polyline, mean_iou, predict_with
-from pentimento.dynamics.strokes.extended import MeasuredStrokes, StrokeModel, base_model, predict_extended, timing_of
+from pentimento.dynamics.strokes.extended import (
+    MeasuredStrokes,
+    StrokeModel,
+    base_model,
+    predict_strokes,
+    timing_of,
+)
+from pentimento.dynamics.strokes.fit_correction import fit_correction
 from pentimento.dynamics.strokes.joint import fit_jointly
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
@@ -35,7 +43,6 @@ from studies.stroke_models.networks.fit import (
     fit_trajectory_cnn,
     predicted,
 )
-from studies.stroke_models.networks.soft_edge import fit_soft_edge
 from studies.stroke_models.networks.stamp import fit_stamp
 
 Predict = Callable[[MeasuredStrokes], Tensor]
@@ -62,11 +69,11 @@ NAMES = {
     "traj2stroke": "Traj2Stroke",
     "refined": "Traj2Stroke + U-Net",
     "mechanisms": "Traj2Stroke + mechanisms",
-    "soft_edge": "Traj2Stroke + mechanisms + learned soft edges",
+    "corrected": "Traj2Stroke + mechanisms + correction",
 }
 TRIVIAL = ("blank", "stamp", "polyline")
 _BASE, _EXTENDED = ("traj2stroke",), ("mechanisms", "traj2stroke")
-BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "soft_edge": _EXTENDED}
+BUILDS_ON = {"traj2stroke": _BASE, "refined": _BASE, "mechanisms": _EXTENDED, "corrected": _EXTENDED}
 """Models that are trained once, of which a model is one or builds on one: on the first that is there."""
 NETWORKS = ("param2stroke", "cnn", "coordconv")
 """Of the thesis; ``path_image`` is not."""
@@ -129,12 +136,12 @@ class Training:
                 trained = _network(fit_refined(self.base(), self.samples, self.setting, _quiet))
             case "mechanisms":
                 model, said = self.extended()
-                mark = model.mark()
-                trained = _of(lambda strokes: predict_extended(mark, model.mechanisms, strokes), said)
-            case "soft_edge":
+                trained = _of(partial(predict_strokes, model), said)
+            case "corrected":
                 model, said = self.extended()
-                learnt = fit_soft_edge(model, self.strokes, ANALYTIC.ink_weight, self.seed, _quiet)
-                trained = _of(learnt, {**said, "unseen_l1": list(learnt.unseen_l1), "believed": learnt.believed})
+                fit = fit_correction(model, self.strokes, config=self.analytic, log=_quiet)
+                said = {**said, "held_out_l1": list(fit.held_out_l1), "share": fit.share}
+                trained = _of(partial(predict_strokes, fit.model), said)
             case _:
                 raise ContractError(f"{name} is none of the compared models ({', '.join(NAMES)}).")
         return trained, before + time.process_time() - started

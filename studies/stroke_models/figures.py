@@ -16,7 +16,7 @@ from studies.stroke_models.statistics import estimate, mean_of
 _COLOURS = {
     "polyline": "#8c8c8c", "param2stroke": "#c49a00", "cnn": "#d1495b", "coordconv": "#edae49", "path_image": "#8d6a9f",
     "traj2stroke": "#30638e", "refined": "#00798c", "mechanisms": "#1b998b",
-    "soft_edge": "#0b6e4f", "stamp": "#bbbbbb", "blank": "#dddddd",
+    "corrected": "#0b6e4f", "stamp": "#bbbbbb", "blank": "#dddddd",
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from studies.stroke_models.compare import Results
 from studies.stroke_models.measured import BRUSHES, LIKE, PENS
 from studies.stroke_models.statistics import Estimate, estimate, mean_of, ratio
 
-OURS, OURS_SOFT_EDGE = "mechanisms", "soft_edge"
+OURS, OURS_CORRECTED = "mechanisms", "corrected"
 _CNNS = ("cnn", "coordconv")
 _EXTRA = "path_image"
 _RATIO, _BELOW_NEXT, _BEST_OF_BRUSHES, _SECONDS = 0.6, 0.75, 6, 60.0
@@ -36,14 +36,12 @@ To compare the models on your own brush: `python -m studies.stroke_models --stro
 | Traj2Stroke | seven parameters and an opacity (5.3.4) |
 | Traj2Stroke + U-Net | Traj2Stroke frozen for the first half; the U-Net's last convolution starts at zero (5.4.3) |
 | Traj2Stroke + mechanisms | with the causes that `pentimento diagnose` establishes on the training strokes |
-| Traj2Stroke + mechanisms + learned soft edges | the same, frozen, plus a network for the rest of each pixel |
+| Traj2Stroke + mechanisms + correction | the same, frozen, and a small network that moves and widens the mark |
 
 A pen is never pressed. In the rows with mechanisms a pen therefore has no scale m, unless the diagnosis establishes
 one: a rigid tip follows the command. All networks assume that a tool is symmetric: half of their training strokes are
-mirrored. The network of the soft edges gets no image. Its inputs are, for each pixel, its position relative to the
-mark, the command and the stroke's frame; press and bend at the nearest point of the path; the directions of the tip
-before and after it; and the length, bend, headings and press of the stroke. Its output is multiplied by the factor
-that predicts held-out training strokes best, which may be zero.
+mirrored. The correction gets the geometry of the stroke alone. Its output is multiplied by the factor that predicts
+held-out training strokes best, which may be zero.
 """
 
 
@@ -125,7 +123,7 @@ def _studio_bars(tool: str, runs: Sequence[Results]) -> list[str]:
             f"target ≤ {_RATIO} {_met(found.value <= _RATIO)}."
         )
     if OURS in there:
-        rivals = [name for name in there if name not in (OURS, OURS_SOFT_EDGE, *TRIVIAL)]
+        rivals = [name for name in there if name not in (OURS, OURS_CORRECTED, *TRIVIAL)]
         for chosen, whom in (([n for n in rivals if n != _EXTRA], "the thesis's models"), (rivals, "all models")):
             best = min([*chosen, "polyline"], key=lambda name: estimate(runs, name, "B", "l1").value)
             found = ratio(runs, OURS, best, "B", "l1")
@@ -199,7 +197,7 @@ def _brush_bar(sets: Mapping[str, Sequence[Results]]) -> str:
     if not there:
         return ""
     lines = []
-    for ours, other in ((OURS, OURS_SOFT_EDGE), (OURS_SOFT_EDGE, OURS)):
+    for ours, other in ((OURS, OURS_CORRECTED), (OURS_CORRECTED, OURS)):
         done = [name for name in there if ours in _common(sets[name])]
         for test, where in (("own", "held-out strokes"), ("other", "another set")) if done else ():
             for left_out, whom in (((_EXTRA,), "the thesis's models and the trivial ones"), ((), "all other rows")):

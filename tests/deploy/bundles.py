@@ -25,6 +25,7 @@ from tests.bundle.small_hands import HAND_POINTS, small_hand
 from tests.bundle.tiny_bundle import CANVAS_M, HAND_PLANNER, PLANNER
 from tests.control.sculpting_bundle import SETTINGS
 from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
+from tests.dynamics.strokes.test_correction import some_correction
 
 CONFIG = DeployConfig(
     tolerance=1e-4,
@@ -47,7 +48,7 @@ def mechanism(cause: str, values: list[float], reference: dict[str, float]) -> M
 
 
 def stroke_model() -> StrokeModel:
-    """Its ink runs down, it stirs wet paint, and its camera sees a gradient of light."""
+    """Its mark is corrected, its ink runs down, it stirs wet paint, and its camera sees a gradient of light."""
     mechanisms = (
         mechanism("ink_depletion", [0.2, 0.1], {"column": 0.0, "since": 0.05}),
         mechanism("wet_mixing", [0.3, 0.1, 0.5], {"usual_age_s": 60.0}),
@@ -56,7 +57,8 @@ def stroke_model() -> StrokeModel:
     parameters = Traj2StrokeParameters((1.01, 0.99), (1e-4, -1e-4), 0.3, 1e-3, 0.2, 0.9)
     fitted = {"ink_since_reload_m": Span(0.0, 0.05, 0.1), "wet_age_s": Span(1.0, 60.0, 300.0)}
     fitted |= {name: Span(0.0, 0.3, 1.0) for name in PICKUP_COLUMNS}
-    return StrokeModel(parameters, mechanisms, fitted, StrokeTiming(2.0, 5.0))
+    correction = some_correction(turned=False).float()
+    return StrokeModel(parameters, mechanisms, fitted, StrokeTiming(2.0, 5.0), correction)
 
 
 @cache

@@ -16,6 +16,7 @@ from pentimento.planning.strokes.memory import commanded
 from pentimento.planning.strokes.render_plan import render_and_back
 from pentimento.planning.strokes.scene import inherit, scene_with
 from pentimento.robots.tools import load_tool
+from tests.dynamics.strokes.test_correction import some_correction
 
 SIZE_M = (0.12, 0.08)
 POINTS = 12
@@ -47,9 +48,23 @@ def typical(kind: type[Mechanism]) -> Mechanism:
 @pytest.mark.parametrize("kinds", [(), *((kind,) for kind in VOCABULARY), VOCABULARY], ids=lambda k: "+".join(
     kind.cause for kind in k) if len(k) < 3 else "all")  # fmt: skip
 def test_pictures_and_gradients_are_those_of_the_simulation(kinds: tuple[type[Mechanism], ...], tool_name: str) -> None:
-    tool = load_tool(tool_name)
     model = StrokeModel(PARAMETERS, tuple(map(typical, kinds)), FITTED if kinds else {}, StrokeTiming(3.0, 5.0))
-    strokes, rng = some_strokes(), np.random.default_rng(0)
+    compare(model, tool_name)
+
+
+@pytest.mark.parametrize("kinds", [(), VOCABULARY[:2]], ids=["base", "two causes"])
+def test_pictures_and_gradients_of_a_corrected_model_are_those_of_the_simulation(
+    kinds: tuple[type[Mechanism], ...],
+) -> None:
+    correction = some_correction(turned=True).float()
+    compare(
+        StrokeModel(PARAMETERS, tuple(map(typical, kinds)), FITTED, StrokeTiming(3.0, 5.0), correction), "flat_brush"
+    )
+
+
+def compare(model: StrokeModel, tool_name: str) -> None:
+    """The planner's picture and gradients against those of ``simulated``."""
+    tool, strokes, rng = load_tool(tool_name), some_strokes(), np.random.default_rng(0)
     canvas, weight = (rng.random((40, 60, 3), np.float32) for _ in range(2))
     scene = scene_with(TorchBrush(model, tool, POINTS), tool, SIZE_M, canvas)
     strokes.inherited = inherit(strokes, scene)
@@ -86,7 +101,8 @@ def simulated(
     view = View(torch.tensor([[0.0, SIZE_M[1]]]), torch.tensor([500.0]))
     context = StrokeContext(path[None], columns)
     ground = torch.cat([canvas, torch.zeros(40, 60, 1)], -1)[None] if wets(model) else canvas[None]
-    return simulate(model.mark(), model.mechanisms, context, color=color[None], canvas=ground, view=view)[0]
+    mark, causes, correction = model.mark(), model.mechanisms, model.correction
+    return simulate(mark, causes, context, color=color[None], canvas=ground, view=view, correction=correction)[0]
 
 
 def wets(model: StrokeModel) -> bool:

@@ -34,6 +34,7 @@ from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model
 from pentimento.diagnosis.strokes.predict import ink_of, mark_px, predicted, press_shares, residual
 from pentimento.diagnosis.strokes.soft_edge import Footprint
+from pentimento.dynamics.strokes.correction import is_turned
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
@@ -44,8 +45,6 @@ _FARTHEST = 3.0
 """Half-widths from an end beyond which a stroke's body is uniform."""
 _STEADIED = 0.001
 """Share of the fit's prior in the projection on causes: too small to shrink it, enough where nothing was seen."""
-_TURNED_RAD = 0.2
-"""Standard deviation of a tool's yaw from which the tool's lie is an input."""
 _TREES = 50
 """Boosting rounds."""
 _FIRST_TREES = 20
@@ -114,7 +113,7 @@ def learn_residual(
     """
     measured = replace(measured, residual_prediction=np.zeros_like(measured.residual_prediction))
     # For a tool that is never turned, the lie is the heading on the canvas, which causes depend on.
-    turned = bool(measured.samples.path[rows, 0, 4].std() > _TURNED_RAD)
+    turned = is_turned(measured.samples.path[rows])
     pixels = _Pixels(model, measured, turned)
     missing = pixels.along_slope(residual(model, measured))
     features, fold = pixels.features, folds(measured.action, rows, seed)[pixels.stroke]

@@ -1,6 +1,7 @@
-"""The stroke model that planning uses: Traj2Stroke, extended by the causes that a diagnosis established.
+"""The stroke model that planning uses: Traj2Stroke, the causes that a diagnosis established, and a learned correction.
 
-Without causes it is Traj2Stroke. Its causes are mechanisms of the vocabulary with the values of a joint fit.
+Its causes are mechanisms of the vocabulary with the values of a joint fit. The correction (``correction``) is fitted
+last. Without either the model is Traj2Stroke.
 ``path_scale`` and ``path_offset`` are never among them: they are parameters of Traj2Stroke (the thesis's m and b).
 """
 
@@ -17,6 +18,7 @@ from torch import Tensor
 
 from pentimento.contracts.codec import from_plain, to_plain
 from pentimento.contracts.errors import ContractError
+from pentimento.dynamics.strokes.correction import MarkCorrection, read_correction
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples
@@ -32,13 +34,14 @@ _PAINTED = 0.15
 
 @dataclass(frozen=True)
 class StrokeModel:
-    """A base model and the mechanisms that extend it."""
+    """A base model, the mechanisms that extend it, and the correction of their mark."""
 
     parameters: Traj2StrokeParameters
     mechanisms: tuple[Mechanism, ...]
     fitted: Mapping[str, Span]
     """Range of every covariate that the mechanisms read."""
     timing: StrokeTiming
+    correction: MarkCorrection | None = None
 
     def mark(self) -> Traj2Stroke:
         """The base, frozen."""
@@ -46,7 +49,7 @@ class StrokeModel:
 
 
 def base_model(parameters: Traj2StrokeParameters) -> StrokeModel:
-    """A model without mechanisms."""
+    """A model without mechanisms and correction."""
     return StrokeModel(parameters, (), {}, StrokeTiming(0.0, 0.0))
 
 
@@ -68,13 +71,27 @@ class MeasuredStrokes(NamedTuple):
         return StrokeContext(self.samples.path[:, None], columns)
 
 
-def predict_extended(mark: Traj2Stroke, mechanisms: Sequence[Mechanism], strokes: MeasuredStrokes) -> Tensor:
-    """The photograph after each stroke, sRGB [B, H, W, 3]; differentiable in the mechanisms' values and the base."""
+def predict_strokes(model: StrokeModel, strokes: MeasuredStrokes) -> Tensor:
+    """The photograph after each stroke, sRGB [B, H, W, 3]."""
+    with torch.no_grad():
+        return predict_extended(model.mark(), model.mechanisms, strokes, model.correction)
+
+
+def predict_extended(
+    mark: Traj2Stroke,
+    mechanisms: Sequence[Mechanism],
+    strokes: MeasuredStrokes,
+    correction: MarkCorrection | None = None,
+) -> Tensor:
+    """The photograph after each stroke, sRGB [B, H, W, 3]; differentiable in the values of all parts."""
     samples = strokes.samples
     canvas, color = samples.before_linear, srgb_to_linear(samples.color)[:, None]
     if picks_up(mechanisms, color, strokes.context):
         canvas = torch.cat([canvas, painted(canvas)[..., None]], dim=-1)
-    return linear_to_srgb(simulate(mark, mechanisms, strokes.context, color=color, canvas=canvas, view=samples.view))
+    image = simulate(
+        mark, mechanisms, strokes.context, color=color, canvas=canvas, view=samples.view, correction=correction
+    )
+    return linear_to_srgb(image)
 
 
 def picks_up(mechanisms: Sequence[Mechanism], color: Tensor, context: StrokeContext) -> bool:
@@ -163,7 +180,11 @@ def model_files(model: StrokeModel) -> dict[str, Any]:
         for mechanism in model.mechanisms
     )
     extension = _StoredExtension(mechanisms, dict(model.fitted), model.timing)
-    return {"parameters.json": to_plain(model.parameters), "mechanisms.json": to_plain(extension)}
+    return {
+        "parameters.json": to_plain(model.parameters),
+        "mechanisms.json": to_plain(extension),
+        "correction.json": model.correction and to_plain(model.correction.parameters_si()),
+    }
 
 
 def read_stroke_model(folder: Path) -> StrokeModel:
@@ -180,7 +201,8 @@ def read_stroke_model(folder: Path) -> StrokeModel:
         raise ContractError(
             f"{path} does not hold the mechanisms of a stroke model ({error}): make it with the stage diagnose_gap."
         ) from error
-    return StrokeModel(parameters, mechanisms, stored.fitted, stored.timing)
+    correction = read_correction(folder / "correction.json")
+    return StrokeModel(parameters, mechanisms, stored.fitted, stored.timing, correction)
 
 
 def _mechanism(stored: _StoredMechanism) -> Mechanism:

@@ -1,24 +1,13 @@
-"""Joint fit of Traj2Stroke and the mechanisms that extend it: gradient descent, then Nelder-Mead.
-
-The last step is a search without gradients from the end of the descent. A crisp mark's coverage, (1 - D/R)^c with c
-near 0, is nearly a step: its gradient lies in few pixels, and descent drifts, while the L1 itself can be compared.
-Softness c keeps the value of the descent: L1 alone favours marks so crisp that a gradient-based planner cannot move
-them.
-"""
+"""Joint fit of Traj2Stroke and the mechanisms that extend it, by gradient descent."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
-from scipy.optimize import minimize
 from torch import Tensor, nn
-from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
-from pentimento.dynamics.strokes.evaluation import mean_squared_error
 from pentimento.dynamics.strokes.extended import (
     BASE_CAUSES,
     MeasuredStrokes,
@@ -58,9 +47,8 @@ def fit_jointly(
 ) -> JointFit:
     """Extend a trained base by ``causes``, which start from the values of a diagnosis.
 
-    The result is the epoch with the lowest validation loss. ``polish`` then refines it on the training strokes; that is
-    kept where it lowers the validation loss and the validation squared error, too, because few thin marks can be fitted
-    by chance. Scale and offset start at the diagnosis's values, or at none: the base's compensate for the causes.
+    The result is the epoch with the lowest validation loss. Scale and offset start at the diagnosis's values, or at
+    none: the base's compensate for the causes.
     """
     mechanisms = [mechanism for mechanism in causes if mechanism.cause not in BASE_CAUSES]
 
@@ -91,22 +79,12 @@ def fit_jointly(
         log=log,
         after_epoch=keep_best,
     )
-    model.load_state_dict(best)
-    squared = _squared_error(model, validation)
-    polish(model, lambda: weighted_l1(model(training), training.samples, config.ink_weight))
-    if _squared_error(model, validation) < squared:
-        keep_best(config.epochs)
     if minimum >= before:
         return JointFit(base_model(base), False, (before, minimum))
     model.load_state_dict(best)
     fitted = tuple(type(m)(m.values.detach(), m.reference) for m in model.mechanisms())
     spanned = spans(columns_read(fitted, training), training)
     return JointFit(StrokeModel(model.base.parameters_si(), fitted, spanned, timing), True, (before, minimum))
-
-
-def _squared_error(model: _Joint, strokes: MeasuredStrokes) -> float:
-    with torch.no_grad():
-        return mean_squared_error(model(strokes), strokes.samples)
 
 
 def _start(base: Traj2StrokeParameters, causes: Sequence[Mechanism]) -> Traj2StrokeParameters:
@@ -140,38 +118,3 @@ class _Joint(nn.Module):
 
 def _typical(mechanism: Mechanism | type[Mechanism]) -> Tensor:
     return torch.tensor([quantity.typical for quantity in mechanism.quantities])
-
-
-_FIXED = "softness_raw"
-_STEP = 0.1
-"""Size of the first simplex along a parameter, in its own unit."""
-_STEP_OF_VALUE = 0.1
-"""Added to that, as a share of the parameter."""
-_SAME_LOSS = 1e-4
-"""Difference between the corners of a converged simplex, as a share of the loss."""
-_SAME_VALUE = 5e-3
-"""The same of the parameters, in their units."""
-_EVALUATIONS = 100
-"""At most, for each parameter."""
-
-
-def polish(model: torch.nn.Module, loss: Callable[[], Tensor]) -> None:
-    """Lower the loss, in place, over all parameters except softness, by Nelder-Mead (1965).
-
-    The loss never rises. A change of 0.1 must be small in the unit of every parameter.
-    """
-    parameters = [parameter for name, parameter in model.named_parameters() if not name.endswith(_FIXED)]
-
-    def loss_of(values: NDArray[np.float64]) -> float:
-        vector_to_parameters(torch.from_numpy(values).float(), parameters)
-        return float(loss())
-
-    with torch.no_grad():
-        start = parameters_to_vector(parameters).double().numpy().copy()
-        corners = start + np.diag(_STEP + _STEP_OF_VALUE * np.abs(start))
-        options = {
-            "initial_simplex": np.vstack([start, corners]), "adaptive": True, "maxfev": _EVALUATIONS * len(start),
-            "fatol": _SAME_LOSS * loss_of(start), "xatol": _SAME_VALUE,
-        }  # fmt: skip
-        found = minimize(loss_of, start, method="Nelder-Mead", options=options)
-        vector_to_parameters(torch.from_numpy(found.x).float(), parameters)

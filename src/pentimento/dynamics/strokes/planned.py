@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from pentimento.dynamics.strokes.extended import StrokeModel
-from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, extended_mark, full_at_most
+from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, final_mark
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Array, Marks, Pull, Span, StrokeTiming
 from pentimento.robots.motion import ACCELERATION_M_S2
@@ -51,7 +51,8 @@ def planned_marks(
         picks up paint.
     """
     # The base knows neither times nor yaw.
-    path = commanded_paths(strokes, path_points, tool) if model.mechanisms else _geometry(strokes, path_points)
+    extended = model.mechanisms or model.correction
+    path = commanded_paths(strokes, path_points, tool) if extended else _geometry(strokes, path_points)
     return marks_of_paths(model, path, strokes.color, covariates)
 
 
@@ -60,7 +61,7 @@ def marks_of_paths(
 ) -> tuple[Tensor, ...]:
     """The marks of commanded paths [S, N, 5] in colours [S, 3], linear light; see ``planned_marks``."""
     context = StrokeContext(path[None], {name: values[None] for name, values in covariates.items()})
-    mark = full_at_most(extended_mark(model.mark(), model.mechanisms, context))
+    mark = final_mark(model.mark(), model.mechanisms, context, model.correction)
     paint, pickup = color[None], None
     for mechanism in model.mechanisms:
         paint, pickup = mechanism.composite(paint, pickup, context)

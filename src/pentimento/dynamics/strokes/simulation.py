@@ -115,20 +115,32 @@ class Mechanism:
         return image
 
 
-def extended_mark(base: Callable[[Tensor], Mark], mechanisms: Sequence[Mechanism], context: StrokeContext) -> Mark:
-    """The base model's mark after the sites trajectory, width and density."""
+def executed_path(mechanisms: Sequence[Mechanism], context: StrokeContext) -> Tensor:
+    """The paths [B, S, N, 5] with the press that is executed."""
     path = context.path
     for mechanism in mechanisms:
         path = mechanism.executed(path, context)
-    mark = base(path)
+    return path
+
+
+def extended_mark(base: Callable[[Tensor], Mark], mechanisms: Sequence[Mechanism], context: StrokeContext) -> Mark:
+    """The base model's mark after the sites trajectory, width and density."""
+    mark = base(executed_path(mechanisms, context))
     for mechanism in in_order(mechanisms):
         mark = mechanism.mark(mark, context)
     return mark
 
 
-def full_at_most(mark: Mark) -> Mark:
-    """The mark with its density limited to 1."""
-    return mark._replace(density=mark.density.clamp(max=1.0))
+def final_mark(
+    base: Callable[[Tensor], Mark],
+    mechanisms: Sequence[Mechanism],
+    context: StrokeContext,
+    correction: Callable[[Mark, Tensor], Mark] | None = None,
+) -> Mark:
+    """The mark that is rendered: ``extended_mark`` with its density limited to 1, and corrected."""
+    mark = extended_mark(base, mechanisms, context)
+    mark = mark._replace(density=mark.density.clamp(max=1.0))
+    return mark if correction is None else correction(mark, executed_path(mechanisms, context))
 
 
 def in_order(mechanisms: Sequence[Mechanism]) -> list[Mechanism]:
@@ -144,6 +156,7 @@ def simulate(
     color: Tensor,
     canvas: Tensor,
     view: View,
+    correction: Callable[[Mark, Tensor], Mark] | None = None,
 ) -> Tensor:
     """The images after the strokes, linear light.
 
@@ -152,11 +165,12 @@ def simulate(
         mechanisms: in any order.
         color: [B, S, 3], linear light.
         canvas: [B, H, W, 3], linear light; with a fourth channel, wetness, where a mechanism picks up paint.
+        correction: of the extended mark, given the executed paths.
 
     Returns:
         [B, H, W, 3].
     """
-    mark = full_at_most(extended_mark(base, mechanisms, context))
+    mark = final_mark(base, mechanisms, context, correction)
     pickup = None
     for mechanism in mechanisms:
         color, pickup = mechanism.composite(color, pickup, context)
