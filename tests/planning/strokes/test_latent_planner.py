@@ -42,10 +42,10 @@ def scene() -> Scene:
 def test_plan_shapes_lowers_the_objective_deterministically(shapes: Shapes) -> None:
     heard: list[float] = []
     strokes, palette = plan_shapes(
-        WHITE, scene(), shapes, 0.35, config=CONFIG, log=lambda *value: heard.append(value[1])
+        WHITE, scene(), shapes, 1.0, config=CONFIG, log=lambda *value: heard.append(value[1])
     )
     drawn_m = np.linalg.norm(np.diff(strokes.placed()[0][..., 1:3], axis=1), axis=-1).sum()
-    assert drawn_m == pytest.approx(0.35, rel=0.25)
+    assert drawn_m == pytest.approx(1.0, rel=0.25)
     np.testing.assert_array_equal(palette, [MARKER.color_srgb])
     objective = PrintObjective(scene().target, CONFIG.distances_px)
     blank, after = objective(WHITE)[0], objective(render_plan(strokes, WHITE, scene()))[0]
@@ -55,7 +55,7 @@ def test_plan_shapes_lowers_the_objective_deterministically(shapes: Shapes) -> N
     if isinstance(shapes, type(hand())):
         assert (np.abs(strokes.parameters - strokes.start) <= shapes.spread * (1 + 1e-6)).all()
         assert (strokes.parameters != strokes.start).any()  # latents take part
-    again, _ = plan_shapes(WHITE, scene(), shapes, 0.35, config=CONFIG, log=unheard)
+    again, _ = plan_shapes(WHITE, scene(), shapes, 1.0, config=CONFIG, log=unheard)
     for one, other in zip(strokes.arrays(), again.arrays(), strict=True):
         np.testing.assert_array_equal(one, other)
 
