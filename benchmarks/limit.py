@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pentimento.render.coverage import HALF_PX, R_MIN, RIM_PX
 from pentimento.render.fastmath import exp2, log2
-from pentimento.render.kernel import Q_MIN, R_MIN
 
 Array = NDArray[Any]
 BLOCK = 256
@@ -38,9 +38,9 @@ _compiled = njit(fastmath=True, error_model="numpy", boundscheck=False)
 
 @_compiled
 def touched_pairs(points: Array, radius: Array, height: int, width: int) -> int:
-    """Pixel-segment pairs with D < R, of strokes [S, N, 2] and [S, N]: every segment is tried at every pixel."""
+    """Pixel-segment pairs with ink, D < R + ½, of strokes [S, N, 2] and [S, N]: every segment is tried at every pixel."""
     zero, one, floor = radius.dtype.type(0), radius.dtype.type(1), radius.dtype.type(R_MIN)
-    tiny = radius.dtype.type(1e-12)
+    tiny, half = radius.dtype.type(1e-12), radius.dtype.type(HALF_PX)
     columns = np.arange(width).astype(radius.dtype)
     touched = 0
     for s in range(points.shape[0]):
@@ -57,8 +57,8 @@ def touched_pairs(points: Array, radius: Array, height: int, width: int) -> int:
                     gx = columns[column] - ux
                     t = min(max((gx * ex + gy * ey) * inverse, zero), one)
                     wx, wy = gx - t * ex, gy - t * ey
-                    r = max(r_u + t * r_step, floor)
-                    in_row += np.int32(1) if wx * wx + wy * wy < r * r else np.int32(0)
+                    reach = max(r_u + t * r_step, floor) + half
+                    in_row += np.int32(1) if wx * wx + wy * wy < reach * reach else np.int32(0)
                 touched += in_row
     return touched
 
@@ -66,8 +66,8 @@ def touched_pairs(points: Array, radius: Array, height: int, width: int) -> int:
 @_compiled
 def forward_pairs(blocks: Array, passes: int) -> None:
     """Coverage of all pairs in ``blocks`` float32[B, FIELDS · BLOCK], again and again."""
-    zero, one = blocks.dtype.type(0), blocks.dtype.type(1)
-    floor, q_floor = blocks.dtype.type(R_MIN), blocks.dtype.type(Q_MIN)
+    zero, one, floor = blocks.dtype.type(0), blocks.dtype.type(1), blocks.dtype.type(R_MIN)
+    half, rim = blocks.dtype.type(HALF_PX), blocks.dtype.type(RIM_PX)
     for _ in range(passes):
         for b in range(blocks.shape[0]):
             x = blocks[b]
@@ -75,17 +75,17 @@ def forward_pairs(blocks: Array, passes: int) -> None:
                 gx, gy, ex, ey = x[i], x[BLOCK + i], x[2 * BLOCK + i], x[3 * BLOCK + i]
                 t = min(max((gx * ex + gy * ey) * x[4 * BLOCK + i], zero), one)
                 wx, wy = gx - t * ex, gy - t * ey
-                q = one - np.sqrt(wx * wx + wy * wy) / max(x[5 * BLOCK + i] + t * x[6 * BLOCK + i], floor)
-                soft = x[9 * BLOCK + i] + t * x[10 * BLOCK + i]
-                darkness = (x[7 * BLOCK + i] + t * x[8 * BLOCK + i]) * exp2(soft * log2(max(q, q_floor)))
-                x[20 * BLOCK + i] = darkness if q > zero else zero
+                d, r = np.sqrt(wx * wx + wy * wy), max(x[5 * BLOCK + i] + t * x[6 * BLOCK + i], floor)
+                q, edge = min(max(r - d, rim) / r, one), max(min(r, d + half) + min(r, half - d), zero)
+                rho, soft = x[7 * BLOCK + i] + t * x[8 * BLOCK + i], x[9 * BLOCK + i] + t * x[10 * BLOCK + i]
+                x[20 * BLOCK + i] = rho * exp2(soft * log2(q)) * edge
 
 
 @_compiled
 def forward_backward_pairs(blocks: Array, passes: int) -> None:
     """Coverage, composition and all gradients of all pairs in ``blocks``, as above."""
     zero, one, ln2 = blocks.dtype.type(0), blocks.dtype.type(1), blocks.dtype.type(_LN2)
-    floor, q_floor = blocks.dtype.type(R_MIN), blocks.dtype.type(Q_MIN)
+    floor, half, rim = blocks.dtype.type(R_MIN), blocks.dtype.type(HALF_PX), blocks.dtype.type(RIM_PX)
     for _ in range(passes):
         for b in range(blocks.shape[0]):
             x = blocks[b]
@@ -98,22 +98,28 @@ def forward_backward_pairs(blocks: Array, passes: int) -> None:
                 wx, wy = gx - t * ex, gy - t * ey
                 d = np.sqrt(wx * wx + wy * wy)
                 r_free = x[5 * BLOCK + i] + t * r_step
-                per_r = one / max(r_free, floor)
-                q_free = one - d * per_r
-                q = max(q_free, q_floor)
-                log_q, soft = log2(q), x[9 * BLOCK + i] + t * c_step
+                r = max(r_free, floor)
+                within = r - d
+                profile = max(within, rim)
+                q = min(profile / r, one)
+                edge_free = min(r, d + half) + min(r, half - d)
+                edge = max(edge_free, zero)
+                rho, soft, log_q = x[7 * BLOCK + i] + t * rho_step, x[9 * BLOCK + i] + t * c_step, log2(q)
                 power = exp2(soft * log_q)
-                power = power if q_free > zero else zero
-                a = (x[7 * BLOCK + i] + t * rho_step) * power
+                a = rho * power * edge
                 over_r, over_g = x[11 * BLOCK + i] - x[14 * BLOCK + i], x[12 * BLOCK + i] - x[15 * BLOCK + i]
                 over_b, g_r, g_g, g_b = (
                     x[13 * BLOCK + i] - x[16 * BLOCK + i], x[17 * BLOCK + i], x[18 * BLOCK + i], x[19 * BLOCK + i],
                 )  # fmt: skip
                 g_a = g_r * over_r + g_g * over_g + g_b * over_b
-                g_rho, g_soft = g_a * power, g_a * a * log_q * ln2
-                g_q = g_a * soft * a / q if q_free > q_floor else zero
-                g_radius = g_q * d * per_r * per_r if r_free > floor else zero
-                pull = g_q * per_r / d if d > zero else zero
+                g_rho, g_soft = g_a * power * edge, g_a * a * log_q * ln2
+                g_profile = g_a * soft * a / profile if q < one else zero
+                g_edge = g_a * rho * power if edge_free > zero else zero
+                sloped = one if within > rim else zero
+                outer, inner = one if r <= d + half else zero, one if r <= half - d else zero
+                g_radius = g_profile * (sloped - q) + g_edge * (inner + outer)
+                g_radius = g_radius if r_free > floor else zero
+                pull = (g_profile * sloped - g_edge * (inner - outer)) / d if d > zero else zero
                 g_t = (g_radius * r_step + g_rho * rho_step + g_soft * c_step) * inverse
                 g_t = g_t if (t_free > zero) & (t_free < one) else zero
                 x[20 * BLOCK + i] = a

@@ -19,7 +19,7 @@ from benchmarks.limit import (
 )
 from benchmarks.scenes import Case, as_painting, strokes_and_canvas
 from pentimento.render import render
-from pentimento.render.kernel import Q_MIN
+from pentimento.render.coverage import HALF_PX, RIM_PX
 
 SIZE = 96
 
@@ -44,8 +44,9 @@ def by_autograd(x: dict[str, torch.Tensor]) -> tuple[torch.Tensor, torch.Tensor,
     t = (((offset - u) * along).sum(-1) / along.square().sum(-1)).clamp(0.0, 1.0)
     distance = (offset - u - t[:, None] * along).norm(dim=-1)
     radius, density, softness = (pair[:, 0] + t * (pair[:, 1] - pair[:, 0]) for pair in ends)
-    q = 1 - distance / radius
-    coverage = torch.where(q > 0, density * q.clamp(min=Q_MIN) ** softness, 0.0)
+    q = ((radius - distance).clamp(min=RIM_PX) / radius).clamp(max=1.0)
+    share = torch.minimum(radius, distance + HALF_PX) + torch.minimum(radius, HALF_PX - distance)
+    coverage = density * q**softness * share.clamp(min=0.0)
     image = below + coverage[:, None] * (color - below)
     return coverage, image, list(torch.autograd.grad(image, leaves, pull))
 
@@ -90,18 +91,18 @@ def test_the_compiler_makes_vector_instructions_of_both_loops() -> None:
         assert packed_instructions(loop) > 10
 
 
-def test_a_disc_touches_the_pixels_within_its_radius() -> None:
+def test_a_disc_touches_the_pixels_within_half_a_pixel_of_its_radius() -> None:
     radius = 7.3
     rows, columns = np.mgrid[:SIZE, :SIZE]
-    expected = int((np.hypot(columns - 40.2, rows - 50.7) < radius).sum())
+    expected = int((np.hypot(columns - 40.2, rows - 50.7) < radius + HALF_PX).sum())
     points = np.array([[[40.2, 50.7]]], np.float32)
     assert touched_pairs(points, np.full((1, 1), radius, np.float32), SIZE, SIZE) == expected
 
 
 def test_a_long_straight_segment_touches_the_area_of_a_capsule() -> None:
     points, radius, length = np.array([[[20.0, 40.0], [70.0, 55.0]]], np.float32), 4.0, np.hypot(50, 15)
-    touched = touched_pairs(points, np.full((1, 2), radius, np.float32), SIZE, SIZE)
-    assert touched == pytest.approx(2 * radius * length + np.pi * radius**2, rel=0.02)
+    touched, reach = touched_pairs(points, np.full((1, 2), radius, np.float32), SIZE, SIZE), radius + HALF_PX
+    assert touched == pytest.approx(2 * reach * length + np.pi * reach**2, rel=0.02)
 
 
 def test_culling_lets_through_at_least_what_ink_touches() -> None:

@@ -183,23 +183,21 @@ def _pull(scratch: Array) -> None:
         d = np.sqrt(wx * wx + wy * wy)
         r_free = r_u + t * r_step
         r = max(r_free, floor)
-        per_r = one / r
         within = r - d
-        q = min(max(within, rim) * per_r, one)
+        profile = max(within, rim)
+        q = min(profile / r, one)
         edge = min(r, d + half) + min(r, half - d)
-        log_q = log2(q)
-        soft = c_u + t * c_step
-        power = exp2(soft * log_q)
-        g_rho = g_a * power * edge
+        log_q, soft = log2(q), c_u + t * c_step
+        g_dark = g_a * exp2(soft * log_q)
+        g_rho, g_edge = g_dark * edge, g_dark * (rho_u + t * rho_step)
         g_soft = g_a * a * log_q * ln2
-        g_q = g_a * soft * a / q * per_r if q < one else zero
-        g_edge = g_a * (rho_u + t * rho_step) * power
-        sloped = within > rim
-        g_r = g_q * ((one if sloped else zero) - q)
-        g_r += g_edge * ((one if r <= d + half else zero) + (one if r <= half - d else zero))
+        g_profile = g_a * soft * a / profile if q < one else zero
+        # Which terms follow R and D: the profile, the outer minimum, the inner one.
+        sloped = one if within > rim else zero
+        outer, inner = one if r <= d + half else zero, one if r <= half - d else zero
+        g_r = g_profile * (sloped - q) + g_edge * (inner + outer)
         g_r = g_r if r_free > floor else zero
-        g_d = g_edge * ((one if r > d + half else zero) - (one if r > half - d else zero))
-        g_d -= g_q if sloped else zero
+        g_d = g_edge * (inner - outer) - g_profile * sloped
         # D is stationary in T where T is not clamped, so the distance acts on the ends by their share alone.
         pull = -g_d / d if d > zero else zero
         # Radius, density and softness depend on T, and T on both ends.

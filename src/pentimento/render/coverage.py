@@ -64,8 +64,9 @@ def describe_segments(points: Array, radius: Array, density: Array, softness: Ar
 def _nearest(
     segment: Array, k: int, gy: float, first: int, columns: Array, rank: Array, radius: Array, winner: Array
 ) -> None:
-    """Rank LANES columns by (D/R)², without root and power."""
+    """Rank LANES columns by (D/R)² where there is ink, without root and power."""
     zero, one, floor = rank.dtype.type(0.0), rank.dtype.type(1.0), rank.dtype.type(R_MIN)
+    half = rank.dtype.type(HALF_PX)
     ux, ex, ey, inverse, r_u, r_step = segment[0], segment[2], segment[3], segment[4], segment[5], segment[6]
     along = gy * ey
     for i in range(LANES):
@@ -74,8 +75,9 @@ def _nearest(
         t = min(max((gx * ex + along) * inverse, zero), one)
         wx, wy = gx - t * ex, gy - t * ey
         r = max(r_u + t * r_step, floor)
-        share = (wx * wx + wy * wy) / (r * r)
-        better = share < rank[c]
+        d2, reach = wx * wx + wy * wy, r + half
+        share = d2 / (r * r)
+        better = (share < rank[c]) & (d2 < reach * reach)
         rank[c] = share if better else rank[c]
         radius[c] = r if better else radius[c]
         winner[c] = np.int32(k) if better else winner[c]

@@ -12,8 +12,8 @@ The edge is the average of a sharp rim over a pixel, along the way to the path. 
 change by whole pixels as it grows or moves, and its gradient would be wrong. A line thinner than a pixel covers it in
 proportion to its width.
 
-The coverage by a stroke is that of the segment with the smallest D/R, where density and softness are equal along the
-stroke; it is the maximum over the segments, where they vary. Strokes are composited in order, in linear light:
+The coverage by a stroke is that of the segment with the smallest D/R among those with edge > 0, where density and
+softness are equal along the stroke; it is the maximum over the segments, where they vary. Strokes are composited in order, in linear light:
 image ← image + coverage · (colour − image). See ``composition`` for tools that pick up wet paint.
 
 The formula corrects two errors of the thesis as printed: its (5.1) takes the minimum of the distances to the *line* and

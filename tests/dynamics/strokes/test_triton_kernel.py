@@ -103,8 +103,18 @@ def test_values_and_gradients_agree_with_the_reference(render_triton: Render, po
 
 
 @in_either
+def test_strokes_of_one_density_and_softness_take_the_nearest_segment(render_triton: Render) -> None:
+    """The segment with the smallest D/R, also where another covers the pixel more; thin and thick parts, next to each
+    other."""
+    inputs = strokes(4, 6, seed=12)
+    inputs[1] = inputs[1].sub(1).mul(2)
+    inputs[2], inputs[3] = torch.full_like(inputs[2], 0.8), torch.full_like(inputs[3], 0.3)
+    assert_like(render_triton, reference, inputs)
+
+
+@in_either
 def test_triton_and_cpu_agree_to_rounding_in_float64(render_triton: Render) -> None:
-    """Of the floors under radius and 1 - D/R, that is, which Triton rounds to float32."""
+    """All but the floor under the radius, which Triton rounds to float32."""
     inputs = strokes(3, 3, seed=3, dtype=torch.float64)
     image, ours = with_gradients(render_triton, inputs)
     wanted, theirs = with_gradients(reference, [x.cpu() for x in inputs])
@@ -226,7 +236,7 @@ def test_the_programs_compile_for_a_gpu(
     program = getattr(importlib.import_module("pentimento.dynamics.strokes.triton_programs"), name)
     constants = {**constants, "SIDE": 16}
     lists = dict.fromkeys(["tile_start", "visit_stroke", "visit_start", "slot"], "*i64")
-    lists |= {"segment": "*i32", "winner": "*i16"} | dict.fromkeys(constants, "constexpr")
+    lists |= {"segment": "*i32", "winner": "*i16", "constant": "*i8"} | dict.fromkeys(constants, "constexpr")
     sizes = dict.fromkeys(["n_points", "height", "width", "tiles_x", "tiles"], "i32")
     signature = {argument: (lists | sizes).get(argument, f"*{real}") for argument in program.arg_names}
     compiled = compiler.compile(compiler.ASTSource(program, signature, constants), target=target)

@@ -52,7 +52,8 @@ def stroke_coverage(
     q = ((thickness - distance).clamp(min=RIM_PX) / thickness).clamp(max=1.0)
     coverage = along(density) * q ** along(softness) * edge.clamp(min=0.0)  # (5.5)
     constant = bool((density == density[0]).all() and (softness == softness[0]).all())
-    chosen = (distance / thickness).argmin(dim=0) if constant else coverage.argmax(dim=0)
+    nearness = torch.where(edge > 0, -distance / thickness, -torch.inf)
+    chosen = (nearness if constant else coverage).argmax(dim=0)
     return coverage.gather(0, chosen[None])[0], chosen
 
 

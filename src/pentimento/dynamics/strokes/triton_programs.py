@@ -12,15 +12,15 @@ from __future__ import annotations
 import triton
 import triton.language as tl
 
-from pentimento.render.coverage import LENGTH_EPSILON
-from pentimento.render.kernel import Q_MIN, R_MIN
+from pentimento.render.coverage import HALF_PX, LENGTH_EPSILON, R_MIN, RIM_PX
 
 PATH = tl.constexpr(5)
 """Numbers a path point: column, row, radius, density, softness."""
 SUMS = tl.constexpr(13)
 """Sums a touch: PATH for the segment's start, PATH for its end, 3 for the stroke's colour."""
 _R_MIN = tl.constexpr(R_MIN)
-_Q_MIN = tl.constexpr(Q_MIN)
+_HALF_PX = tl.constexpr(HALF_PX)
+_RIM_PX = tl.constexpr(RIM_PX)
 _LENGTH_EPSILON = tl.constexpr(LENGTH_EPSILON)
 _INTEGERS = ["n_points", "height", "width", "tiles_x", "tiles"]  # a new size must not compile the programs again
 
@@ -64,12 +64,24 @@ def _along(u, v, field: tl.constexpr, t):
     return start + t * step, step
 
 
+@triton.jit
+def _darkness(distance, radius):
+    """R, max(R − D, RIM_PX), q and the edge of the coverage ρ q^c · edge."""
+    radius = tl.maximum(radius, _R_MIN)
+    profile = tl.maximum(radius - distance, _RIM_PX)
+    edge = tl.minimum(radius, distance + _HALF_PX) + tl.minimum(radius + distance, _HALF_PX) - distance
+    return radius, profile, tl.minimum(profile / radius, 1.0), edge
+
+
 @triton.jit(do_not_specialize=_INTEGERS)
 def paint_tile(
-    path, color, canvas, image, tile_start, visit_stroke, visit_start, segment, winner, below,
+    path, color, constant, canvas, image, tile_start, visit_stroke, visit_start, segment, winner, below,
     n_points, height, width, tiles_x, tiles, KEEP: tl.constexpr, SIDE: tl.constexpr,
 ):  # fmt: skip
-    """Lay the strokes that visit one tile over it, in order."""
+    """Lay the strokes that visit one tile over it, in order.
+
+    ``constant`` tells of each stroke whether density and softness are equal along it.
+    """
     row, column, at, on = _pixels(height, width, tiles_x, tiles, SIDE)
     inside = tl.arange(0, SIDE * SIDE)
     red = tl.load(canvas + at, mask=on, other=0.0)
@@ -77,7 +89,9 @@ def paint_tile(
     blue = tl.load(canvas + at + 2, mask=on, other=0.0)
     for visit in range(tl.load(tile_start + tl.program_id(0)), tl.load(tile_start + tl.program_id(0) + 1)):
         stroke = tl.load(visit_stroke + visit)
-        coverage = tl.zeros_like(red) - 1.0  # below any: where density is 0, its gradient is not
+        by_distance = tl.load(constant + stroke) != 0
+        coverage = tl.zeros_like(red)
+        highest = tl.full([SIDE * SIDE], float("-inf"), red.dtype)
         best = tl.full([SIDE * SIDE], -1, tl.int32)
         for touch in range(tl.load(visit_start + visit), tl.load(visit_start + visit + 1)):
             k = tl.load(segment + touch)
@@ -86,12 +100,14 @@ def paint_tile(
             radius, _step = _along(u, v, 2, t)
             density, _step = _along(u, v, 3, t)
             softness, _step = _along(u, v, 4, t)
-            q = 1.0 - tl.sqrt(wx * wx + wy * wy) / tl.maximum(radius, _R_MIN)
-            value = density * tl.exp(softness * tl.log(tl.maximum(q, _Q_MIN)))
-            darker = (q > 0.0) & (value > coverage)
-            coverage = tl.where(darker, value, coverage)
-            best = tl.where(darker, k, best)
-        coverage = tl.where(best >= 0, coverage, 0.0)
+            distance = tl.sqrt(wx * wx + wy * wy)
+            radius, _profile, q, edge = _darkness(distance, radius)
+            value = density * tl.exp(softness * tl.log(q)) * edge
+            rank = tl.where(by_distance, -distance / radius, value)
+            better = (edge > 0.0) & (rank > highest)
+            highest = tl.where(better, rank, highest)
+            coverage = tl.where(better, value, coverage)
+            best = tl.where(better, k, best)
         if KEEP:
             tl.store(winner + visit * SIDE * SIDE + inside, best)
             place = below + visit * 3 * SIDE * SIDE + inside
@@ -119,17 +135,22 @@ def _pull(u, v, column, row, won, g_coverage, sums):
     radius, radius_step = _along(u, v, 2, t)
     density, density_step = _along(u, v, 3, t)
     softness, softness_step = _along(u, v, 4, t)
-    per_radius = 1.0 / tl.maximum(radius, _R_MIN)
-    q_free = 1.0 - distance * per_radius
-    q = tl.maximum(q_free, _Q_MIN)
+    radius_free = radius
+    radius, profile, q, edge = _darkness(distance, radius)
     log_q = tl.log(q)
     power = tl.exp(softness * log_q)
-    g_coverage = tl.where(won, g_coverage, 0.0)
-    g_density = g_coverage * power
+    g_dark = tl.where(won, g_coverage, 0.0) * power
+    g_density = g_dark * edge
+    g_edge = g_dark * density
     g_softness = g_density * density * log_q
-    g_q = tl.where(q_free > _Q_MIN, g_density * density * softness / q, 0.0)
-    g_radius = tl.where(radius > _R_MIN, g_q * distance * per_radius * per_radius, 0.0)
-    pull = tl.where(distance > 0.0, g_q * per_radius / tl.where(distance > 0.0, distance, 1.0), 0.0)
+    g_profile = tl.where(q < 1.0, g_density * density * softness / profile, 0.0)
+    sloped = tl.where(radius - distance > _RIM_PX, 1.0, 0.0)
+    outer = tl.where(radius <= distance + _HALF_PX, 1.0, 0.0)
+    inner = tl.where(radius + distance <= _HALF_PX, 1.0, 0.0)
+    g_radius = g_profile * (sloped - q) + g_edge * (inner + outer)
+    g_radius = tl.where(radius_free > _R_MIN, g_radius, 0.0)
+    g_distance = g_edge * (inner - outer) - g_profile * sloped
+    pull = tl.where(distance > 0.0, -g_distance / tl.where(distance > 0.0, distance, 1.0), 0.0)
     slope = tl.where(ex * ex + ey * ey > _LENGTH_EPSILON, inverse, 0.0)
     g_t = (g_radius * radius_step + g_density * density_step + g_softness * softness_step) * slope
     g_t = tl.where((t_free > 0.0) & (t_free < 1.0), g_t, 0.0)
@@ -144,7 +165,7 @@ def _pull(u, v, column, row, won, g_coverage, sums):
     tl.store(sums + 7, tl.sum(t * g_radius))
     tl.store(sums + 8, tl.sum(t * g_density))
     tl.store(sums + 9, tl.sum(t * g_softness))
-    return tl.where(won, density * power, 0.0)
+    return tl.where(won, density * power * edge, 0.0)
 
 
 @triton.jit(do_not_specialize=_INTEGERS)
