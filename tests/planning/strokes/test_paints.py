@@ -98,7 +98,9 @@ def test_coverage_sums_to_the_stroke_area() -> None:
     radius, density, softness = 3e-3, 0.95, 0.2  # at contact 2 mm, and 1 mm of press
     ends = 2 * np.pi * radius**2 / ((softness + 1) * (softness + 2))
     area_m2 = density * (2 * radius / (softness + 1) * 0.02 + ends)
-    assert covers.sum(1).mean() * (0.12 / 60) ** 2 == pytest.approx(area_m2, rel=0.02)
+    assert covers.sum(1).mean() * (0.12 / 60) ** 2 == pytest.approx(
+        area_m2, rel=0.04
+    )  # 1.5 px wide: the rim is not resolved
 
 
 @pytest.mark.parametrize(
