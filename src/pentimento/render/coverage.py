@@ -137,7 +137,7 @@ def cover(
         segments: [K, SEGMENT_FIELDS] as by ``describe_segments``.
         constant: density and softness are equal at all points of the stroke.
         columns: float[W + LANES], 0, 1, 2, …
-        rank: float[rows, W + LANES], all FAR. On return −coverage where there is ink, 1 or FAR elsewhere.
+        rank: float[rows, W + LANES], all FAR. On return −coverage where there is ink, 1 or FAR otherwise.
         thickness: float of the same shape; for the radius at each pixel.
         winner: int32 of the same shape. On return the segment with the largest coverage.
         left, right: int32[rows], filled with W and 0. On return the columns between which ink may lie.
