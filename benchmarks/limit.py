@@ -38,7 +38,7 @@ _compiled = njit(fastmath=True, error_model="numpy", boundscheck=False)
 
 @_compiled
 def touched_pairs(points: Array, radius: Array, height: int, width: int) -> int:
-    """Pixel-segment pairs with ink, D < R + ½, of strokes [S, N, 2] and [S, N]: every segment is tried at every pixel."""
+    """Pixel-segment pairs with ink (D < R + ½) of strokes [S, N, 2] and [S, N], each segment tried at each pixel."""
     zero, one, floor = radius.dtype.type(0), radius.dtype.type(1), radius.dtype.type(R_MIN)
     tiny, half = radius.dtype.type(1e-12), radius.dtype.type(HALF_PX)
     columns = np.arange(width).astype(radius.dtype)

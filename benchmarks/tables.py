@@ -22,7 +22,7 @@ linearly with the number of strokes. Values in italics are extrapolated by the s
 strokes. *Ours* is this renderer with the same inputs."""
 _LIMIT = """\
 *Evaluated* is the number of pairs of pixel and segment that remain after culling. *With ink* is the number of pairs
-with ink (D < R + ½), counted by testing every segment at every pixel. The renderer processes columns in blocks of 16. Lanes
+with D < R + ½, counted by testing every segment at every pixel. The renderer processes columns in blocks of 16. Lanes
 beyond the end of a segment are not counted as evaluated, but their time is included.
 
 *Ours* is the time of `render` and `render_backward`, called directly, per evaluated pair. It includes culling,

@@ -248,6 +248,15 @@ def test_constant_and_varying_profiles_agree() -> None:
     torch.testing.assert_close(render_strokes(*painting(*inputs)), constant, atol=1e-9, rtol=0)
 
 
+def test_a_tapering_stroke_of_one_density_agrees_with_the_reference() -> None:
+    """Also beside thin parts, where a thick segment has a smaller D/R and yet no ink."""
+    inputs = strokes(20, 8, seed=9)
+    inputs[1] = inputs[1].sub(1).mul(2)
+    inputs[2], inputs[3] = torch.full_like(inputs[2], 0.8), torch.full_like(inputs[3], 0.3)
+    dense = render_reference(*painting(*(x[0] for x in inputs)))
+    torch.testing.assert_close(render_strokes(*painting(*inputs))[0], dense, atol=1e-10, rtol=0)
+
+
 def test_batched_paintings_are_independent() -> None:
     first, second = strokes(3, 5, seed=1), strokes(3, 5, seed=2)
     together = render_strokes(*painting(*(torch.cat(pair) for pair in zip(first, second, strict=True))))

@@ -13,8 +13,9 @@ change by whole pixels as it grows or moves, and its gradient would be wrong. A 
 proportion to its width.
 
 The coverage by a stroke is that of the segment with the smallest D/R among those with edge > 0, where density and
-softness are equal along the stroke; it is the maximum over the segments, where they vary. Strokes are composited in order, in linear light:
-image ← image + coverage · (colour − image). See ``composition`` for tools that pick up wet paint.
+softness are equal along the stroke; it is the maximum over the segments, where they vary. Strokes are composited in
+order, in linear light: image ← image + coverage · (colour − image). See ``composition`` for tools that pick up wet
+paint.
 
 The formula corrects two errors of the thesis as printed: its (5.1) takes the minimum of the distances to the *line* and
 to both ends, which is the distance to an infinite line; its (5.2) drops the sign of the projection.

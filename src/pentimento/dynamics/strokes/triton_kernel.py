@@ -118,7 +118,8 @@ def _launch_forward(
     constant = (path[..., 3:] == path[..., :1, 3:]).flatten(2).all(2).to(torch.int8)
     with torch.cuda.device_of(path):  # type: ignore[no-untyped-call]
         paint_tile[(len(touches.tile_start) - 1,)](
-            path, color, constant, canvas, image, *touches[:4], winner, below, n_points, *_sizes(canvas), KEEP=keep, SIDE=TILE
+            path, color, constant, canvas, image, *touches[:4], winner, below, n_points, *_sizes(canvas),
+            KEEP=keep, SIDE=TILE,
         )  # fmt: skip
     return image, _Visits(winner, below)
 
