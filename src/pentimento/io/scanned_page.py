@@ -78,19 +78,29 @@ class Page(NamedTuple):
         return np.where(before, shown, paper), np.where(after, shown, paper)
 
 
-def import_page(paths: Path, page: Path, blank: Path | None, placement: Placement, tool: str, out: Path) -> Imported:
+def import_page(
+    paths: Path,
+    page: Path,
+    blank: Path | None,
+    placement: Placement,
+    tool: str,
+    out: Path,
+    *,
+    strokes: list[RecordedPath] | None = None,
+) -> Imported:
     """Write the folder ``out`` as ``import_photo_pairs`` does, from one picture of the page after all strokes.
 
     Args:
         page: rectified to ``placement``.
         blank: the same page before the first stroke, in the same place.
+        strokes: of the file ``paths``; None: it is a CSV.
 
     Raises:
         ContractError: a file cannot be read, the page shows no ink along the paths, or no stroke can be used.
         ConfigError: ``out`` holds what this command did not write.
     """
     check_replaceable(out, COMMAND)
-    strokes = read_paths(paths)
+    strokes = read_paths(paths) if strokes is None else strokes
     picture, bare = _read(page), None if blank is None else _read(blank)
     if bare is not None and bare.shape != picture.shape:
         raise ContractError(f"{blank} and {page} differ in size; scan both in the same way.")
