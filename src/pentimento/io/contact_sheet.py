@@ -31,6 +31,7 @@ SHOWN: Final = _ACROSS**2
 """Rows on a sheet."""
 _CELL_PX: Final = 260
 _GAP_PX: Final = 4
+_GAP: Final = 200  # sRGB grey
 _LINE: Final = (220, 40, 160)  # sRGB: no paint on white paper is likely to have it
 _START: Final = (20, 150, 60)
 _TEXT: Final = (90, 90, 90)
@@ -75,13 +76,11 @@ def shown_paths(paths_m: Sequence[FloatArray]) -> list[Shown]:
 
 
 def contact_sheet(cells: Sequence[Shown]) -> Picture:
-    """Cells in rows of three, each with its path, a dot at the path's start and the cell's width in mm: sRGB [H, W, 3]."""
+    """Cells in rows of three, each with its path, a dot at the start and the cell's width in mm: sRGB [H, W, 3]."""
     drawn = [_cell(each) for each in cells[:SHOWN]]
     blank = np.full((_CELL_PX, _CELL_PX, 3), 255, np.uint8)
     drawn += [blank] * (-len(drawn) % _ACROSS)
-    framed = [
-        cv2.copyMakeBorder(each, *([_GAP_PX // 2] * 4), cv2.BORDER_CONSTANT, value=(200, 200, 200)) for each in drawn
-    ]
+    framed = [np.pad(each, ((0, _GAP_PX), (0, _GAP_PX), (0, 0)), constant_values=_GAP) for each in drawn]
     return np.vstack([np.hstack(framed[first : first + _ACROSS]) for first in range(0, len(framed), _ACROSS)])
 
 

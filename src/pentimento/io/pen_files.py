@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -81,10 +81,8 @@ def commanded(pen: PenFile, press_m: float | None, path: Path) -> list[RecordedP
     paths = []
     for number, stroke in enumerate(pen.strokes):
         points = stroke.points
-        if press_m is None:
-            z = points[:, 3]
-        else:
-            z = -press_m * np.where(np.isfinite(points[:, 4]), points[:, 4], 1.0)
+        pressure = np.where(np.isfinite(points[:, 4]), points[:, 4], 1.0)
+        z = points[:, 3] if press_m is None else -press_m * pressure
         column = np.column_stack([points[:, 0] - points[0, 0], points[:, XY], z, np.zeros(len(points))])
         paths.append(RecordedPath(str(number), column, stroke.about, path_fault(column)))
     return paths
@@ -100,7 +98,8 @@ def import_demonstrations(path: Path, pen: PenFile, hand: str, out: Path) -> Imp
     check_replaceable(out, COMMAND)
     up = [1.0, 1.0, -1.0 if pen.y_down else 1.0, 1.0, 1.0]
     strokes = plausible(path, [Recording(path.stem, hand, stroke.points * up) for stroke in pen.strokes])
-    rows, shown = [], []
+    rows: list[dict[str, Any]] = []
+    shown: list[FloatArray] = []
     refused: dict[str, list[str]] = {}
     for number, stroke in enumerate(strokes):
         points = stroke.points.copy()
