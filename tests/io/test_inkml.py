@@ -34,7 +34,7 @@ def test_places_are_read_in_their_unit_with_y_up(
     values = [stroke * DOWN * per_mm for stroke in STROKES_MM]
     text = "".join(f"<trace>{','.join(f'{x:.9f} {y:.9f}' for x, y in each)}</trace>" for each in values)
     assert_places(demonstrations(inkml(tmp_path, trace_format(units) + text), *options), STROKES_MM)
-    assert "y points down: flipped, as usual in INKML; else give --y-up." in capsys.readouterr().out
+    assert "y points down: flipped, as usual in InkML; else give --y-up." in capsys.readouterr().out
 
 
 def test_each_axis_may_have_its_own_unit_and_direction(tmp_path: Path) -> None:

@@ -8,12 +8,13 @@ import pytest
 
 from pentimento.cli.main import main
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.images import decode_png
+from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.markers import DICTIONARY
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
+from pentimento.io.marker_views import read_markers
 from pentimento.io.stroke_rows import Placement
-from pentimento.io.stroke_videos import import_videos, read_markers
+from pentimento.io.stroke_videos import import_videos
 from tests.io.photographed import written
 
 WINDOW = "0 mm, 0 mm, 100 mm, 60 mm"
@@ -106,6 +107,29 @@ def test_the_first_and_the_last_frame_are_before_and_after(tmp_path: Path) -> No
         assert (tmp_path / out / "contact_sheet.png").is_file()
 
 
+@pytest.mark.parametrize("with_blank", [False, True])
+def test_a_photograph_of_a_page_is_rectified_by_markers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], with_blank: bool
+) -> None:
+    """The blank page is photographed by another pose of the camera."""
+    write_png(tmp_path / "page.png", frame(True))
+    write_png(tmp_path / "blank.png", frame(False, shift_px=9.0))
+    command = ["import", str(paths(tmp_path)), "--page", str(tmp_path / "page.png"), "--tool", "quill"]
+    command += ["--markers", str(markers(tmp_path)), "--out", str(tmp_path / "out")]
+    command += ["--blank", str(tmp_path / "blank.png")] if with_blank else []
+    assert main([*command, "--window", WINDOW]) == 0
+    (row,) = read_table(tmp_path / "out", CONTRACT).table.to_pylist()
+    before, after = (decode_png(row[name]["bytes"]).astype(int) for name in ("before", "after"))
+    x_min, _, x_max, y_max = 1e3 * np.array(row["window_m"])
+    middle = (LINE_MM.mean(0) - [x_min, y_max]) * [1, -1] * before.shape[1] / (x_max - x_min)
+    assert after[int(middle[1]), int(middle[0])].max() < 80 and (before > 150).all()
+    assert main([*command, "--scale", "5 px/mm"]) == 1
+    assert "needs --window" in capsys.readouterr().err
+    write_png(tmp_path / "page.png", frame(True)[:300])
+    assert main([*command, "--window", WINDOW]) == 1
+    assert "page.png or its blank page is not usable: its camera cannot be registered" in capsys.readouterr().err
+
+
 def test_y_may_grow_downwards_in_paths_and_markers(tmp_path: Path) -> None:
     """In a frame that is mirrored within the same window, all that is said of the sheet gives the same row."""
     film(tmp_path / "films/s0.mp4", moved(LINE_MM))
@@ -135,7 +159,7 @@ def test_videos_that_cannot_be_used_are_counted(tmp_path: Path) -> None:
     imported = import_videos(paths(tmp_path, names), films, markers(tmp_path), PLACE, "quill", tmp_path / "out")
     assert imported.rows == 1
     reasons = {names[0]: reason for reason, names in imported.refused.items()}
-    assert reasons["moved"] == "the camera or the markers moved during its video"
+    assert reasons["moved"] == "the camera or the markers moved between its pictures"
     assert "sees 2 of 4 markers" in reasons["hidden"]
     assert reasons["short"] == "its video has fewer than two pictures"
     assert "is no MP4 video" in reasons["text"]

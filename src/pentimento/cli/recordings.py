@@ -12,7 +12,7 @@ from pentimento.contracts.units import parse_quantity
 
 if TYPE_CHECKING:
     from pentimento.io.lerobot_in import Description
-    from pentimento.io.stroke_rows import Imported, Placement
+    from pentimento.io.stroke_rows import Imported, Placement, RecordedPath
 
 
 def _import(arguments: argparse.Namespace) -> None:
@@ -30,14 +30,14 @@ def _import(arguments: argparse.Namespace) -> None:
     print(f"{imported.rows} strokes are in {arguments.out}.")
     for reason, strokes in imported.refused.items():
         print(f"Refused: {len(strokes)} × {reason} ({', '.join(strokes[:8])}{', …' if len(strokes) > 8 else ''}).")
-    print(f"Look at the first {min(imported.rows, SHOWN)} before anything is trained: {arguments.out / SHEET}")
+    shown = f" (the first {SHOWN})" if imported.rows > SHOWN else ""
+    print(f"Look at them before anything is trained: {arguments.out / SHEET}{shown}")
     if arguments.hand is None:
         print(f"What they hold: pentimento card {arguments.out}")
 
 
 def _import_csv(arguments: argparse.Namespace) -> Imported:
     from pentimento.io.photo_pairs import import_photo_pairs
-    from pentimento.io.scanned_page import import_page
     from pentimento.io.stroke_videos import import_videos
 
     unwanted: tuple[str, ...] = ("action", "camera", "units", "y_up", "press", "hand")
@@ -46,29 +46,50 @@ def _import_csv(arguments: argparse.Namespace) -> Imported:
         _needs(arguments, ("markers", "window", "tool"), unwanted=unwanted, of="A CSV of paths with --video")
         place, tool = _placement(arguments), arguments.tool
         return import_videos(arguments.paths, arguments.video, arguments.markers, place, tool, arguments.out)
-    unwanted += ("markers",)
     if arguments.page is not None:
-        _needs(arguments, ("tool",), unwanted=unwanted, of="A CSV of paths with --page")
-        return import_page(
-            arguments.paths, arguments.page, arguments.blank, _placement(arguments), arguments.tool, arguments.out
-        )
-    unwanted += ("blank",)
-    _needs(arguments, ("photos", "tool"), unwanted=unwanted, of="A CSV of paths without --page")
+        _needs(arguments, ("tool", *_with_markers(arguments)), unwanted=unwanted, of="A CSV of paths with --page")
+        return _import_page(arguments, _placement(arguments), None)
+    unwanted += ("blank", "markers")
+    _needs(arguments, ("photos", "tool"), unwanted=unwanted, of="A CSV of paths without --page and --video")
     return import_photo_pairs(arguments.paths, arguments.photos, _placement(arguments), arguments.tool, arguments.out)
+
+
+def _with_markers(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """Return the options that a picture with markers needs."""
+    return () if arguments.markers is None else ("window",)
+
+
+def _import_page(arguments: argparse.Namespace, placement: Placement, strokes: list[RecordedPath] | None) -> Imported:
+    from pentimento.io.scanned_page import import_page
+
+    return import_page(
+        arguments.paths,
+        arguments.page,
+        arguments.blank,
+        placement,
+        arguments.tool,
+        arguments.out,
+        markers=arguments.markers,
+        strokes=strokes,
+    )
 
 
 def _import_pen(arguments: argparse.Namespace) -> Imported:
     from pentimento.io.pen_files import commanded, import_demonstrations, read_pen
     from pentimento.io.photo_pairs import import_photo_pairs
-    from pentimento.io.scanned_page import import_page
 
-    unwanted: tuple[str, ...] = ("action", "camera", "video", "markers")
+    unwanted: tuple[str, ...] = ("action", "camera", "video")
     pictures = arguments.photos is not None or arguments.page is not None
     if pictures:
-        unwanted += ("hand",) if arguments.page is not None else ("hand", "blank")
-        _needs(arguments, ("tool",), unwanted=unwanted, of=f"{arguments.paths} with pictures")
+        unwanted += ("hand",) if arguments.page is not None else ("hand", "blank", "markers")
+        _needs(
+            arguments,
+            ("tool", *_with_markers(arguments)),
+            unwanted=unwanted,
+            of=f"{arguments.paths} with pictures",
+        )
     else:
-        unwanted += ("blank", "tool", "window", "scale", "press")
+        unwanted += ("blank", "markers", "tool", "window", "scale", "press")
         of = f"{arguments.paths} without --page and --photos, which becomes demonstrations,"
         _needs(arguments, ("hand",), unwanted=unwanted, of=of, placed=False)
     pen = read_pen(arguments.paths, _unit_m(arguments), _y_down(arguments))
@@ -79,15 +100,7 @@ def _import_pen(arguments: argparse.Namespace) -> Imported:
     strokes = commanded(pen, _press_m(arguments), arguments.paths)
     placement = _placement(arguments)._replace(y_down=pen.y_down)
     if arguments.page is not None:
-        return import_page(
-            arguments.paths,
-            arguments.page,
-            arguments.blank,
-            placement,
-            arguments.tool,
-            arguments.out,
-            strokes=strokes,
-        )
+        return _import_page(arguments, placement, strokes)
     return import_photo_pairs(
         arguments.paths, arguments.photos, placement, arguments.tool, arguments.out, strokes=strokes
     )
@@ -221,7 +234,7 @@ COMMANDS = (
                 "--markers",
                 type=Path,
                 metavar="FILE",
-                help="with --video: CSV marker, x_mm, y_mm, side_mm of four or more ArUco markers",
+                help="CSV marker, x_mm, y_mm, side_mm of four or more ArUco markers, which rectify --video or --page",
             ),
             option("--hand", metavar="NAME", help="who drew pen strokes without pictures: they become demonstrations"),
             option("--press", metavar="LENGTH", help="of pen strokes with pictures: how deep, at full pressure"),

@@ -46,7 +46,8 @@ def read_pen(path: Path, unit_m: float | None, y_down: bool | None) -> PenFile:
     if y_down is not None:
         return found._replace(y_down=y_down)
     way, other = ("down: flipped", "--y-up") if found.y_down else ("up", "--y-down")
-    usual = f"y points {way}, as usual in {'UNIPEN' if kind in _UNIPEN else kind[1:].upper()}; else give {other}."
+    name = {".svg": "SVG", ".inkml": "InkML"}.get(kind, "UNIPEN")
+    usual = f"y points {way}, as usual in {name}; else give {other}."
     return found._replace(assumed=[*found.assumed, usual])
 
 
