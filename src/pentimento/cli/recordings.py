@@ -12,56 +12,145 @@ from pentimento.contracts.units import parse_quantity
 
 if TYPE_CHECKING:
     from pentimento.io.lerobot_in import Description
-    from pentimento.io.stroke_rows import Placement
+    from pentimento.io.stroke_rows import Imported, Placement, RecordedPath
 
 
 def _import(arguments: argparse.Namespace) -> None:
-    from pentimento.io.lerobot_in import import_lerobot
-    from pentimento.io.photo_pairs import import_photo_pairs
-    from pentimento.io.scanned_page import import_page
+    from pentimento.io.contact_sheet import SHEET, SHOWN
+    from pentimento.io.pen_files import SUFFIXES
 
     if arguments.paths.is_dir():
+        from pentimento.io.lerobot_in import import_lerobot
+
         imported = import_lerobot(arguments.paths, _description_of_dataset(arguments), arguments.out)
-    elif arguments.page is not None:
-        _needs(arguments, ("tool",), unwanted=("action", "camera", "units"), of="A CSV of paths with --page")
-        imported = import_page(
-            arguments.paths, arguments.page, arguments.blank, _placement(arguments), arguments.tool, arguments.out
-        )
+    elif arguments.paths.suffix.lower() in SUFFIXES:
+        imported = _import_pen(arguments)
     else:
-        unwanted = ("action", "camera", "units", "blank")
-        _needs(arguments, ("photos", "tool"), unwanted=unwanted, of="A CSV of paths without --page")
-        imported = import_photo_pairs(
-            arguments.paths, arguments.photos, _placement(arguments), arguments.tool, arguments.out
-        )
+        imported = _import_csv(arguments)
     print(f"{imported.rows} strokes are in {arguments.out}.")
     for reason, strokes in imported.refused.items():
         print(f"Refused: {len(strokes)} × {reason} ({', '.join(strokes[:8])}{', …' if len(strokes) > 8 else ''}).")
-    print(f"What they hold: pentimento card {arguments.out}")
+    shown = f" (the first {SHOWN})" if imported.rows > SHOWN else ""
+    print(f"Look at them before anything is trained: {arguments.out / SHEET}{shown}")
+    if arguments.hand is None:
+        print(f"What they hold: pentimento card {arguments.out}")
+
+
+def _import_csv(arguments: argparse.Namespace) -> Imported:
+    from pentimento.io.photo_pairs import import_photo_pairs
+    from pentimento.io.stroke_videos import import_videos
+
+    unwanted: tuple[str, ...] = ("action", "camera", "units", "y_up", "press", "hand")
+    if arguments.video is not None:
+        unwanted += ("scale", "blank")
+        _needs(arguments, ("markers", "window", "tool"), unwanted=unwanted, of="A CSV of paths with --video")
+        place, tool = _placement(arguments), arguments.tool
+        return import_videos(arguments.paths, arguments.video, arguments.markers, place, tool, arguments.out)
+    if arguments.page is not None:
+        _needs(arguments, ("tool", *_with_markers(arguments)), unwanted=unwanted, of="A CSV of paths with --page")
+        return _import_page(arguments, _placement(arguments), None)
+    unwanted += ("blank", "markers")
+    _needs(arguments, ("photos", "tool"), unwanted=unwanted, of="A CSV of paths without --page and --video")
+    return import_photo_pairs(arguments.paths, arguments.photos, _placement(arguments), arguments.tool, arguments.out)
+
+
+def _with_markers(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """Return the options that a picture with markers needs."""
+    return () if arguments.markers is None else ("window",)
+
+
+def _import_page(arguments: argparse.Namespace, placement: Placement, strokes: list[RecordedPath] | None) -> Imported:
+    from pentimento.io.scanned_page import import_page
+
+    return import_page(
+        arguments.paths,
+        arguments.page,
+        arguments.blank,
+        placement,
+        arguments.tool,
+        arguments.out,
+        markers=arguments.markers,
+        strokes=strokes,
+    )
+
+
+def _import_pen(arguments: argparse.Namespace) -> Imported:
+    from pentimento.io.pen_files import commanded, import_demonstrations, read_pen
+    from pentimento.io.photo_pairs import import_photo_pairs
+
+    unwanted: tuple[str, ...] = ("action", "camera", "video")
+    pictures = arguments.photos is not None or arguments.page is not None
+    if pictures:
+        unwanted += ("hand",) if arguments.page is not None else ("hand", "blank", "markers")
+        _needs(
+            arguments,
+            ("tool", *_with_markers(arguments)),
+            unwanted=unwanted,
+            of=f"{arguments.paths} with pictures",
+        )
+    else:
+        unwanted += ("blank", "markers", "tool", "window", "scale", "press")
+        of = f"{arguments.paths} without --page and --photos, which becomes demonstrations,"
+        _needs(arguments, ("hand",), unwanted=unwanted, of=of, placed=False)
+    pen = read_pen(arguments.paths, _unit_m(arguments), _y_down(arguments))
+    for sentence in pen.assumed:
+        print(sentence)
+    if not pictures:
+        return import_demonstrations(arguments.paths, pen, arguments.hand, arguments.out)
+    strokes = commanded(pen, _press_m(arguments), arguments.paths)
+    placement = _placement(arguments)._replace(y_down=pen.y_down)
+    if arguments.page is not None:
+        return _import_page(arguments, placement, strokes)
+    return import_photo_pairs(
+        arguments.paths, arguments.photos, placement, arguments.tool, arguments.out, strokes=strokes
+    )
+
+
+def _y_down(arguments: argparse.Namespace) -> bool | None:
+    return None if not (arguments.y_down or arguments.y_up) else bool(arguments.y_down)
+
+
+def _unit_m(arguments: argparse.Namespace) -> float | None:
+    """Return the length of the unit that `--units` names: mm, or 0.01 mm."""
+    if arguments.units is None:
+        return None
+    text = arguments.units if any(character.isdigit() for character in arguments.units) else f"1 {arguments.units}"
+    try:
+        length_m = parse_quantity(text, "m")
+    except UnitError as error:
+        raise ConfigError(f"--units {arguments.units} is no unit of length: {error}") from error
+    if not length_m > 0:
+        raise ConfigError(f"--units {arguments.units} is not above zero; write one such as '0.01 mm'.")
+    return length_m
+
+
+def _press_m(arguments: argparse.Namespace) -> float | None:
+    if arguments.press is None:
+        return None
+    try:
+        return parse_quantity(arguments.press, "m")
+    except UnitError as error:
+        raise ConfigError(f"--press {arguments.press} is no length: {error}") from error
 
 
 def _description_of_dataset(arguments: argparse.Namespace) -> Description | None:
     """Return the description of a dataset given by the options; None where none is given."""
     from pentimento.io.lerobot_in import Description
 
-    options = ("tool", "window", "scale", "y_down", "action", "camera", "units", "page", "blank")
-    if arguments.photos is None and not any(getattr(arguments, name) for name in options):
+    unwanted = ("photos", "page", "blank", "video", "markers", "y_up", "press", "hand")
+    options = ("tool", "window", "scale", "y_down", "action", "camera", "units", *unwanted)
+    if not any(getattr(arguments, name) for name in options):
         return None
-    _needs(
-        arguments,
-        ("tool",),
-        unwanted=("photos", "page", "blank"),
-        of="A LeRobot dataset that was not exported from strokes",
-    )
-    try:
-        unit_m = parse_quantity(f"1 {arguments.units or 'm'}", "m")
-    except UnitError as error:
-        raise ConfigError(f"--units {arguments.units} is no unit of length: {error}") from error
+    _needs(arguments, ("tool",), unwanted=unwanted, of="A LeRobot dataset that was not exported from strokes")
+    unit_m = _unit_m(arguments) or 1.0
     return Description(_placement(arguments), arguments.tool, unit_m, arguments.action, arguments.camera)
 
 
-def _needs(arguments: argparse.Namespace, needed: tuple[str, ...], unwanted: tuple[str, ...], of: str) -> None:
+def _needs(
+    arguments: argparse.Namespace, needed: tuple[str, ...], *, unwanted: tuple[str, ...], of: str, placed: bool = True
+) -> None:
     missing = [f"--{name}" for name in needed if getattr(arguments, name) is None]
-    if arguments.window is None and arguments.scale is None:
+    if placed and "window" not in needed and arguments.window is None and arguments.scale is None:
         missing.append("--window or --scale")
     if missing:
         raise ConfigError(f"{of} needs {', '.join(missing)}; see docs/importing.md.")
@@ -110,36 +199,56 @@ _ROWS = option("rows", type=Path, metavar="ROWS", help="strokes: a Parquet file,
 COMMANDS = (
     Command(
         "import",
-        "recorded strokes: a CSV of paths with photographs or one page, or a LeRobot dataset",
+        "recorded strokes: a CSV of paths with pictures or videos, pen strokes (InkML, UNIPEN, SVG), a LeRobot dataset",
         (
             option(
                 "paths",
                 type=Path,
                 metavar="PATHS",
-                help="CSV: stroke, t_s, x_mm, y_mm, z_mm (or press_mm), …; or the folder of a LeRobot v3.0 dataset",
+                help="CSV: stroke, t_s, x_mm, y_mm, z_mm (or press_mm), …; pen strokes: .inkml, .svg or .unipen (.upn, "
+                ".unp, .dat); or the folder of a LeRobot v3.0 dataset",
             ),
             option(
                 "--photos",
                 type=Path,
                 metavar="FOLDER",
                 exclusive="pictures",
-                help="for a CSV: with <stroke>_before.png and <stroke>_after.png",
+                help="with <stroke>_before.png and <stroke>_after.png; pen strokes are named 0, 1, 2, …",
             ),
             option(
                 "--page",
                 type=Path,
                 metavar="FILE",
                 exclusive="pictures",
-                help="for a CSV: one picture of the page after all its strokes, in place of --photos",
+                help="one picture of the page after all its strokes, in place of --photos",
             ),
             option("--blank", type=Path, metavar="FILE", help="with --page: the page before the first stroke"),
+            option(
+                "--video",
+                type=Path,
+                metavar="PLACE",
+                exclusive="pictures",
+                help="for a CSV: a folder with <stroke>.mp4, or the video of its only stroke, by a camera that stays",
+            ),
+            option(
+                "--markers",
+                type=Path,
+                metavar="FILE",
+                help="CSV marker, x_mm, y_mm, side_mm of four or more ArUco markers, which rectify --video or --page",
+            ),
+            option("--hand", metavar="NAME", help="who drew pen strokes without pictures: they become demonstrations"),
+            option("--press", metavar="LENGTH", help="of pen strokes with pictures: how deep, at full pressure"),
             option(
                 "--action",
                 metavar="NAMES",
                 help='of a dataset: which values of its actions are x, y, z and yaw; "x,y,z,yaw"',
             ),
             option("--camera", metavar="FEATURE", help="of a dataset: which feature shows the canvas"),
-            option("--units", metavar="UNIT", help="of a dataset: its unit of length, metres by default"),
+            option(
+                "--units",
+                metavar="UNIT",
+                help="of length, of a dataset (metres by default) or of pen strokes: mm, or '0.01 mm'",
+            ),
             option(
                 "--window",
                 metavar="EDGES",
@@ -153,7 +262,13 @@ COMMANDS = (
                 exclusive="place",
                 help='pixels over length, such as "5 px/mm": the lower left corner is 0, 0',
             ),
-            option("--y-down", action="store_true", help="y grows downwards in PATHS, from the photograph's top"),
+            option(
+                "--y-down",
+                action="store_true",
+                exclusive="y",
+                help="y grows downwards in PATHS, from the photograph's top",
+            ),
+            option("--y-up", action="store_true", exclusive="y", help="y grows upwards in pen strokes"),
             option("--tool", metavar="NAME", help="that made the strokes"),
             option("--out", required=True, type=Path, metavar="FOLDER", help="for the table and its data card"),
         ),

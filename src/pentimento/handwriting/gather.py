@@ -15,9 +15,10 @@ import pyarrow as pa
 from pentimento.contracts.demonstrations import CONTRACT
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import arrow_schema
+from pentimento.contracts.tables import read_table
 from pentimento.handwriting.json_recordings import read_quickdraw, read_tablet
 from pentimento.handwriting.motion_capture import C3D, OptiTrack, read_c3d, read_optitrack
-from pentimento.handwriting.recording import PRESSURE, Recording, standardise
+from pentimento.handwriting.recording import PRESSURE, Recording, plausible, standardise, to_source
 from pentimento.handwriting.repair import Limits, Repaired, repair_all
 from pentimento.handwriting.svg_paths import read_svg
 
@@ -31,7 +32,7 @@ class Source:
     """One recorded file."""
 
     path: str
-    format: Literal["optitrack", "c3d", "tablet", "quickdraw", "svg"]
+    format: Literal["optitrack", "c3d", "tablet", "quickdraw", "svg", "demonstrations"]
     session: str
     hand: str
     unit_m: float | None
@@ -88,6 +89,19 @@ def read_source(source: Source) -> list[Recording]:
             return read_quickdraw(path, source.session, source.hand, source.unit_m)
         case "svg":
             return read_svg(path, source.session, source.hand, source.unit_m)
+        case "demonstrations":
+            return read_demonstrations(path, source.session, source.hand)
+
+
+def read_demonstrations(path: Path, session: str, hand: str) -> list[Recording]:
+    """All strokes of a table of demonstrations, such as `pentimento import` writes, at their places.
+
+    Raises:
+        ContractError: it is no such table, or is not plausible.
+    """
+    rows = read_table(path, CONTRACT).table.select(["points", "standard_to_source"]).to_pylist()
+    placed = [to_source(*(np.array(value, dtype=np.float64) for value in row.values())) for row in rows]
+    return plausible(path, [Recording(session, hand, points) for points in placed])
 
 
 def gather(recordings: Sequence[Recording], limits: Limits, points: int) -> Gathered:

@@ -27,6 +27,7 @@ from pentimento.handwriting.recording import Recording, recording
 from pentimento.handwriting.svg_path_data import ellipse, flattened, places, rectangle
 from pentimento.handwriting.svg_style import Style, StyleSheet, hidden_paint, transparent
 from pentimento.handwriting.svg_transforms import (
+    PX_M,
     Size,
     fitted,
     length,
@@ -57,14 +58,20 @@ _OUTSIDE: Final = 1e-6
 """Of a viewport's or a clip path's size: how far a line may leave it before it counts as cut."""
 
 
-def read_svg(path: Path, session: str, hand: str, unit_m: float | None) -> list[Recording]:
+class NoSizeError(ContractError):
+    """A drawing does not say how large it is."""
+
+
+def read_svg(path: Path, session: str, hand: str, unit_m: float | None, *, css_pixels: bool = False) -> list[Recording]:
     """Each subpath of a drawing as a stroke, in the order of drawing. Times and pressures are unknown.
 
     Args:
         unit_m: length of a user unit of the outermost `svg`. None: from its width or height (mm, cm, in, pt, pc, Q)
             and viewBox.
+        css_pixels: where ``unit_m`` is None, a pixel is 1/96 inch, and so is a user unit without a size.
 
     Raises:
+        NoSizeError: the size is unknown.
         ContractError: the file is no SVG, has no unit, draws no line, or has something that is not understood, which is
             named.
     """
@@ -78,7 +85,7 @@ def read_svg(path: Path, session: str, hand: str, unit_m: float | None) -> list[
         raise ContractError(f"{path} holds <{root.tag[:60]}> and no <svg>; export the drawing as plain SVG.")
     try:
         drawing = _Drawing(root)
-        to_m = _page(root, path, unit_m)
+        to_m = _page(root, path, unit_m, css_pixels)
         box = view_box(root.get("viewBox", ""))
         size = Size(np.nan, np.nan) if box is None else Size(*box[2:])
         style = drawing.style(root, {})
@@ -101,7 +108,7 @@ def read_svg(path: Path, session: str, hand: str, unit_m: float | None) -> list[
     return recordings
 
 
-def _page(root: Element, path: Path, unit_m: float | None) -> FloatArray:
+def _page(root: Element, path: Path, unit_m: float | None, css_pixels: bool) -> FloatArray:
     """The matrix [3, 3] from user units of the outermost `svg` to metres, y down."""
     if root.get("transform"):
         raise ValueError("the outermost svg has a transform")
@@ -109,16 +116,20 @@ def _page(root: Element, path: Path, unit_m: float | None) -> FloatArray:
         return scaled(unit_m, unit_m)
     sides: dict[str, float] = {}
     for name in ("width", "height"):
-        if root.get(name, "auto") != "auto":
-            try:
-                sides[name] = length_m(root.get(name, ""))
-            except ValueError as error:
-                raise ContractError(f"{path} has no {name} as a length ({error}). Give unit_m instead.") from error
-    if not sides:
-        raise ContractError(f"{path} has no width as a length in mm. Give unit_m instead.")
+        text = root.get(name, "auto")
+        if text == "auto" or (css_pixels and text.strip().endswith("%")):
+            continue
+        try:
+            sides[name] = PX_M * length(text, np.nan) if css_pixels else length_m(text)
+        except ValueError as error:
+            raise NoSizeError(f"{path} has no {name} as a length ({error}). Give unit_m instead.") from error
     box = view_box(root.get("viewBox", ""))
+    if css_pixels and (not sides or box is None):
+        return scaled(PX_M, PX_M)
+    if not sides:
+        raise NoSizeError(f"{path} has no width as a length in mm. Give unit_m instead.")
     if box is None or not all(side > 0 for side in sides.values()):
-        raise ContractError(f"{path} has no viewBox or no size; give unit_m, the length of a user unit.")
+        raise NoSizeError(f"{path} has no viewBox or no size; give unit_m, the length of a user unit.")
     width = sides.get("width", sides.get("height", 0.0) * box[2] / box[3])
     height = sides.get("height", width * box[3] / box[2])
     matrix = fitted(box, Size(width, height), root.get("preserveAspectRatio", ""))

@@ -7,6 +7,7 @@ from its beginning, because seeking is not exact; only two pictures of each epis
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -63,6 +64,28 @@ def _decoded(pair: list[Any], shape: list[int]) -> Pair | Refused:
     return before, after
 
 
+@contextmanager
+def opened_video(file: Path) -> Iterator[Any]:
+    """An MP4 file as OpenCV's capture, which has grabbed its first picture.
+
+    Raises:
+        Refused: it is none, or this OpenCV cannot decode it.
+    """
+    with file.open("rb") as opened:
+        if opened.read(8)[4:] != _MP4:
+            raise Refused(f"its file {file.name} is no MP4 video")
+    capture = cv2.VideoCapture(str(file.absolute()), cv2.CAP_FFMPEG)  # absolute: no name then begins with a protocol
+    try:
+        if not (capture.isOpened() and capture.grab()):
+            raise Refused(
+                f"its video {file.name} cannot be decoded by this build of OpenCV; encode it again as H.264, or keep "
+                "its pictures as images"
+            )
+        yield capture
+    finally:
+        capture.release()
+
+
 class Span(NamedTuple):
     """Where an episode lies in its video, by the table."""
 
@@ -81,17 +104,8 @@ def video_pairs(file: Path, shape: list[int], fps: float, spans: list[Span]) -> 
     Raises:
         Refused: this OpenCV cannot decode the file, or its pictures have another shape.
     """
-    with file.open("rb") as opened:
-        if opened.read(8)[4:] != _MP4:
-            raise Refused(f"its file {file.name} is no MP4 video")
-    capture = cv2.VideoCapture(str(file.absolute()), cv2.CAP_FFMPEG)  # absolute: no name then begins with a protocol
-    try:
+    with opened_video(file) as capture:
         size = [int(capture.get(which)) for which in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH)]
-        if not (capture.isOpened() and capture.grab()):
-            raise Refused(
-                f"its video {file.name} cannot be decoded by this build of OpenCV; encode it again as H.264, or keep "
-                "the feature as images"
-            )
         if not _agrees((*size, 3), shape):
             raise Refused(f"its video {file.name} has another shape than its feature")
         film, before = _Film(capture), -1
@@ -108,8 +122,6 @@ def video_pairs(file: Path, shape: list[int], fps: float, spans: list[Span]) -> 
             else:
                 yield first, last
             before = film.number
-    finally:
-        capture.release()
 
 
 class _Film:

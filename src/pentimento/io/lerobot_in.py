@@ -18,7 +18,7 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import IMAGE
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.contracts.tables import write_table
+from pentimento.io.contact_sheet import shown_strokes, write_with_sheet
 from pentimento.io.lerobot_episodes import (
     Episode,
     Reasons,
@@ -94,7 +94,7 @@ def import_lerobot(folder: Path, description: Description | None, out: Path) -> 
             f"None of the {dataset.episodes.num_rows} episodes of {folder} can be used: {counted(refused)}."
         )
     name, tools = folder.resolve().name, ", ".join(sorted({str(tool) for tool in table["tool"].to_pylist()}))
-    write_table(out, table, CONTRACT, card(name, tools, table.num_rows, refused), command=COMMAND)
+    write_with_sheet(out, table, CONTRACT, card(name, tools, table.num_rows, refused), shown_strokes)
     return Imported(table.num_rows, refused)
 
 

@@ -30,8 +30,9 @@ from pentimento.contracts.errors import ContractError, ImageError, UnitError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.picture_files import PictureError
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.contracts.tables import is_index, write_table
+from pentimento.contracts.tables import is_index
 from pentimento.contracts.units import parse_quantity
+from pentimento.io.contact_sheet import shown_strokes, write_with_sheet
 from pentimento.io.stroke_rows import (
     COMMAND,
     Imported,
@@ -208,13 +209,24 @@ def each_about(strokes: list[RecordedPath]) -> Iterator[str]:
     return iter(dict.fromkeys(name for stroke in strokes for name in stroke.about))
 
 
-def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: str, out: Path) -> Imported:
+def import_photo_pairs(
+    paths: Path,
+    photos: Path,
+    placement: Placement,
+    tool: str,
+    out: Path,
+    *,
+    strokes: list[RecordedPath] | None = None,
+) -> Imported:
     """Write the folder ``out`` as shards of the strokes contract, with a README that counts refused strokes.
 
     Where a stroke has no ``session``, ``order`` or ``action_id``, these are the name of the file ``paths``, the place
     of the stroke in it, and a new action: repeats of one command are known by ``action_id`` only. The photographs
     ``<stroke>_before`` and ``<stroke>_after`` (PNG, JPEG, …) are already rectified to ``placement``; each row keeps
     the part around its path.
+
+    Args:
+        strokes: of the file ``paths``; None: it is a CSV.
 
     Raises:
         ContractError: the file of paths cannot be read, or no stroke of it can be used; nothing is written.
@@ -227,7 +239,7 @@ def import_photo_pairs(paths: Path, photos: Path, placement: Placement, tool: st
         before, after = (_photo(photographs, f"{stroke.name}_{when}") for when in ("before", "after"))
         return stroke_row(stroke, before, after, placement, given)
 
-    return import_strokes(paths, read_paths(paths), row, tool, out)
+    return import_strokes(paths, read_paths(paths) if strokes is None else strokes, row, tool, out)
 
 
 def import_strokes(
@@ -265,7 +277,7 @@ def import_strokes(
     if not rows:
         raise ContractError(f"None of the {len(strokes)} strokes of {paths} can be used: {counted(refused)}.")
     table = table_of(rows, list(each_about(strokes)))
-    write_table(out, table, CONTRACT, card(paths.name, tool, len(rows), refused), command=COMMAND)
+    write_with_sheet(out, table, CONTRACT, card(paths.name, tool, len(rows), refused), shown_strokes)
     return Imported(len(rows), refused)
 
 

@@ -19,6 +19,7 @@ from pentimento.contracts.atomic import check_replaceable
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.frames import canvas_to_pixel, crop, pixels_per_m, snap_window, window_around
 from pentimento.contracts.images import read_image
+from pentimento.io.marker_views import read_markers, rectified
 from pentimento.io.photo_pairs import import_strokes, read_paths
 from pentimento.io.stroke_rows import (
     COMMAND,
@@ -78,20 +79,35 @@ class Page(NamedTuple):
         return np.where(before, shown, paper), np.where(after, shown, paper)
 
 
-def import_page(paths: Path, page: Path, blank: Path | None, placement: Placement, tool: str, out: Path) -> Imported:
+def import_page(
+    paths: Path,
+    page: Path,
+    blank: Path | None,
+    placement: Placement,
+    tool: str,
+    out: Path,
+    *,
+    markers: Path | None = None,
+    strokes: list[RecordedPath] | None = None,
+) -> Imported:
     """Write the folder ``out`` as ``import_photo_pairs`` does, from one picture of the page after all strokes.
 
     Args:
-        page: rectified to ``placement``.
-        blank: the same page before the first stroke, in the same place.
+        page: rectified to ``placement``, or with ``markers`` in view.
+        blank: the same page before the first stroke, in the same place, or with the same markers.
+        markers: CSV of the markers by which both pictures are rectified to the edges of ``placement``.
+        strokes: of the file ``paths``; None: it is a CSV.
 
     Raises:
         ContractError: a file cannot be read, the page shows no ink along the paths, or no stroke can be used.
         ConfigError: ``out`` holds what this command did not write.
     """
     check_replaceable(out, COMMAND)
-    strokes = read_paths(paths)
+    strokes = read_paths(paths) if strokes is None else strokes
     picture, bare = _read(page), None if blank is None else _read(blank)
+    if markers is not None:
+        picture, *rest = _rectified([picture] if bare is None else [picture, bare], markers, placement, page)
+        bare = rest[0] if rest else None
     if bare is not None and bare.shape != picture.shape:
         raise ContractError(f"{blank} and {page} differ in size; scan both in the same way.")
     shape = picture.shape[0], picture.shape[1]
@@ -165,6 +181,14 @@ def _reach_px(picture: Picture, blank: Picture | None, distance: NDArray[np.floa
             "--y-down, that the page is rectified, and that it is the page of these paths."
         )
     return float(np.flatnonzero(count)[ends[0]] + 1)
+
+
+def _rectified(pictures: list[Picture], markers: Path, placement: Placement, page: Path) -> list[Picture]:
+    window_m = np.array(placement.window_m((0, 0)))
+    try:
+        return rectified(pictures, read_markers(markers, placement), window_m, one_camera=False)
+    except Refused as error:
+        raise ContractError(f"{page} or its blank page is not usable: {error}.") from error
 
 
 def _read(path: Path) -> Picture:

@@ -1,0 +1,132 @@
+"""`pentimento import` of pen strokes (InkML, UNIPEN, SVG): with photographs, rows of strokes; else demonstrations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pentimento.contracts.atomic import check_replaceable
+from pentimento.contracts.demonstrations import CONTRACT
+from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.contracts.schema import arrow_schema
+from pentimento.handwriting.recording import XY, Recording, plausible, standardise, turned
+from pentimento.handwriting.svg_paths import NoSizeError, read_svg
+from pentimento.io.contact_sheet import shown_paths, write_with_sheet
+from pentimento.io.inkml import read_inkml
+from pentimento.io.pen_strokes import PenFile, PenStroke
+from pentimento.io.stroke_rows import COMMAND, Imported, RecordedPath, counted, path_fault
+from pentimento.io.unipen import read_unipen
+
+FloatArray = NDArray[np.float64]
+
+_UNIPEN: Final = (".unipen", ".unp", ".upn", ".dat")
+SUFFIXES: Final = (".inkml", ".svg", *_UNIPEN)
+"""Of files of pen strokes, in lower case."""
+
+
+def read_pen(path: Path, unit_m: float | None, y_down: bool | None) -> PenFile:
+    """Read the strokes of a file by its suffix.
+
+    Args:
+        unit_m: length of its unit, where the file does not say it (in SVG: of a user unit).
+        y_down: whether y grows downwards; None: as in most files of the format.
+
+    Raises:
+        ContractError: the file does not follow its format.
+        ConfigError: its unit is unknown, or known twice.
+    """
+    kind = path.suffix.lower()
+    found = (
+        _read_svg(path, unit_m) if kind == ".svg" else (read_inkml if kind == ".inkml" else read_unipen)(path, unit_m)
+    )
+    if y_down is not None:
+        return found._replace(y_down=y_down)
+    way, other = ("down: flipped", "--y-up") if found.y_down else ("up", "--y-down")
+    name = {".svg": "SVG", ".inkml": "InkML"}.get(kind, "UNIPEN")
+    usual = f"y points {way}, as usual in {name}; else give {other}."
+    return found._replace(assumed=[*found.assumed, usual])
+
+
+def _read_svg(path: Path, unit_m: float | None) -> PenFile:
+    assumed = []
+    try:
+        drawn = read_svg(path, "", "", unit_m)
+    except NoSizeError:
+        drawn = read_svg(path, "", "", unit_m, css_pixels=True)
+        assumed = ["The drawing has no size in mm: 1 px = 1/96 inch; else give --units, such as '0.1 mm'."]
+    own_axes = [stroke.points * [1.0, 1.0, -1.0, 1.0, 1.0] for stroke in drawn]  # read_svg turns y up
+    return PenFile([PenStroke(points, {}) for points in own_axes], True, assumed)
+
+
+def commanded(pen: PenFile, press_m: float | None, path: Path) -> list[RecordedPath]:
+    """Return the strokes as commanded paths, along the file's own axes, named by their number from 0.
+
+    Args:
+        press_m: how deep the pen presses: at full pressure, where pressures are known. None: the file has heights.
+
+    Raises:
+        ConfigError: neither the file nor ``press_m`` gives heights, or both do.
+    """
+    has_height = any(np.isfinite(stroke.points[:, 3]).any() for stroke in pen.strokes)
+    if has_height == (press_m is not None):
+        raise ConfigError(
+            f"{path} has heights of the tip; leave --press out."
+            if has_height
+            else f"{path} has no height of the tip; give --press, how deep it presses (at full pressure, where the "
+            "file has pressures), such as '0.5 mm'."
+        )
+    paths = []
+    for number, stroke in enumerate(pen.strokes):
+        points = stroke.points
+        pressure = np.where(np.isfinite(points[:, 4]), points[:, 4], 1.0)
+        z = points[:, 3] if press_m is None else -press_m * pressure
+        column = np.column_stack([points[:, 0] - points[0, 0], points[:, XY], z, np.zeros(len(points))])
+        paths.append(RecordedPath(str(number), column, stroke.about, path_fault(column)))
+    return paths
+
+
+def import_demonstrations(path: Path, pen: PenFile, hand: str, out: Path) -> Imported:
+    """Write the folder ``out`` as shards of the demonstrations contract; points stay where they were recorded.
+
+    Raises:
+        ContractError: no stroke can be used, or no person draws at such speeds; nothing is written.
+        ConfigError: ``out`` holds what this command did not write.
+    """
+    check_replaceable(out, COMMAND)
+    up = [1.0, 1.0, -1.0 if pen.y_down else 1.0, 1.0, 1.0]
+    strokes = plausible(path, [Recording(path.stem, hand, stroke.points * up) for stroke in pen.strokes])
+    rows: list[dict[str, Any]] = []
+    shown: list[FloatArray] = []
+    refused: dict[str, list[str]] = {}
+    for number, stroke in enumerate(strokes):
+        points = stroke.points.copy()
+        points[:, 0] -= points[0, 0]
+        if (fault := _fault(points)) is not None:
+            refused.setdefault(fault, []).append(str(number))
+            continue
+        _, pose = standardise(points, 2)
+        shown.append(points[:, XY].copy())
+        points[:, XY] = turned(points[:, XY] - pose[:2], -float(pose[2]))
+        rows.append({
+            "session": stroke.session, "hand": hand, "index": len(rows),
+            "points": points.tolist(), "standard_to_source": pose.tolist(),
+        })  # fmt: skip
+    if not rows:
+        raise ContractError(f"None of the {len(strokes)} strokes of {path} can be used: {counted(refused)}.")
+    left = f"{counted(refused)}." if refused else "none."
+    card = f"# Strokes of {hand}\n\nImported from `{path.name}`: {len(rows)} rows. Refused: {left}\n"
+    table = pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT))
+    write_with_sheet(out, table, CONTRACT, card, lambda _: shown_paths(shown))
+    return Imported(len(rows), refused)
+
+
+def _fault(points: FloatArray) -> str | None:
+    if not np.isfinite(points[:, XY]).all():
+        return "a point is NaN or infinite"
+    if len(np.unique(points[:, XY], axis=0)) < 2:
+        return "it stays at one place"
+    return "its times run backwards" if (np.diff(points[:, 0]) < 0).any() else None
