@@ -165,6 +165,12 @@ def test_a_malformed_file_ends_in_one_sentence(
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_unit_that_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = unipen(tmp_path, [1e3 * stroke for stroke in STROKES_MM], "X Y", "")
+    assert main(["import", str(path), "--hand", "ann", "--units", "m", "--out", str(tmp_path / "out")]) == 1
+    assert "more than 100 m from its origin; check its unit of length." in capsys.readouterr().err
+
+
 def test_strokes_that_no_person_draws_and_dots_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     timed = [np.column_stack([stroke, 20.0 * np.arange(len(stroke))]) for stroke in FROM_TOP_MM]
     slow = inkml(tmp_path, MM.format('<channel name="T" units="s"/>') + traces(timed))

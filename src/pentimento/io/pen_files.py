@@ -23,9 +23,10 @@ from pentimento.io.unipen import read_unipen
 
 FloatArray = NDArray[np.float64]
 
-_UNIPEN: Final = (".unipen", ".unp", ".upn", ".dat")
-SUFFIXES: Final = (".inkml", ".svg", *_UNIPEN)
+SUFFIXES: Final = (".inkml", ".svg", ".unipen", ".unp", ".upn", ".dat")
 """Of files of pen strokes, in lower case."""
+_FARTHEST_M: Final = 100.0
+"""Coordinate above which the unit must be wrong."""
 
 
 def read_pen(path: Path, unit_m: float | None, y_down: bool | None) -> PenFile:
@@ -39,14 +40,15 @@ def read_pen(path: Path, unit_m: float | None, y_down: bool | None) -> PenFile:
         ContractError: the file does not follow its format.
         ConfigError: its unit is unknown, or known twice.
     """
-    kind = path.suffix.lower()
-    found = (
-        _read_svg(path, unit_m) if kind == ".svg" else (read_inkml if kind == ".inkml" else read_unipen)(path, unit_m)
+    name, read = {".svg": ("SVG", _read_svg), ".inkml": ("InkML", read_inkml)}.get(
+        path.suffix.lower(), ("UNIPEN", read_unipen)
     )
+    found = read(path, unit_m)
+    if any((np.abs(stroke.points[:, XY]) > _FARTHEST_M).any() for stroke in found.strokes):
+        raise ContractError(f"{path} has points more than {_FARTHEST_M:g} m from its origin; check its unit of length.")
     if y_down is not None:
         return found._replace(y_down=y_down)
     way, other = ("down: flipped", "--y-up") if found.y_down else ("up", "--y-down")
-    name = {".svg": "SVG", ".inkml": "InkML"}.get(kind, "UNIPEN")
     usual = f"y points {way}, as usual in {name}; else give {other}."
     return found._replace(assumed=[*found.assumed, usual])
 
