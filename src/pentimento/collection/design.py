@@ -159,7 +159,7 @@ def design_in_cells(tool: Tool, cells_m: FloatArray, palette_srgb: FloatArray, c
     singles = config.strokes - config.repeated * config.times
     sheets = max(math.ceil(config.strokes / len(cells_m)), config.times if config.repeated else 1)
     width, height = cells_m[0, 2:] - cells_m[0, :2]
-    room = _Room(tool, (float(width), float(height)), config, None)
+    room, middle = _Room(tool, (float(width), float(height)), config, None), np.array([[0.0, width / 2, height / 2]])
     chooser = np.random.default_rng([config.seed, 0, _ORDERED])
     repeated_in = chooser.permutation(len(cells_m))[: config.repeated]
     again = {
@@ -176,7 +176,8 @@ def design_in_cells(tool: Tool, cells_m: FloatArray, palette_srgb: FloatArray, c
         for cell in chooser.permutation(sorted(cell for where, cell in action_at if where == sheet)):
             action = action_at[sheet, int(cell)]
             rng = np.random.default_rng([config.seed, action])
-            path = room.clear_path(rng, taken=(), about=None) + np.array([0.0, *cells_m[cell, :2], 0.0, 0.0])
+            # About the middle: anywhere in the cell, long strokes would hardly ever fit.
+            path = room.clear_path(rng, taken=(), about=middle) + np.array([0.0, *cells_m[cell, :2], 0.0, 0.0])
             if action < singles:
                 color, dip = load.for_single(rng)
             else:

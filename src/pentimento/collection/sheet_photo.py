@@ -1,0 +1,237 @@
+"""A photograph of a recording sheet as the picture of its canvas: registered, checked, in even light and true colours.
+
+The paper is flat and the lens draws straight lines: one homography, fitted to the corners of eight markers. Light is
+smooth over the sheet: a polynomial in x and y, fitted for each channel to the logarithm of the bare paper. Colours are
+corrected by the printed chart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pentimento.calibration.colour_chart import PATCHES_SRGB, find_colours, true_colours
+from pentimento.calibration.observe import CameraCalibration, calibrate_camera, rectify, window_in_camera
+from pentimento.collection.recording_sheet import (
+    CHART_WINDOW_M,
+    CODES,
+    PAPER_M,
+    PRINT_PX_PER_M,
+    Recording,
+    paper_window,
+    sheet_markers,
+    sheet_name,
+)
+from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear, to_float, to_uint8
+from pentimento.contracts.errors import CalibrationError
+from pentimento.contracts.frames import crop, image_shape, snap_window
+from pentimento.contracts.markers import DICTIONARY, MARGIN_M, SIDE_M
+from pentimento.contracts.observations import Photo
+
+FloatArray = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+
+PIXELS_PER_M: Final = 6000.0
+PAPER: Final = 0.88
+"""Linear light of paper in the pictures: what white office paper reflects, with room for noise above it."""
+
+_OUTSIDE_M: Final = (MARGIN_M + SIDE_M) / 2 + 0.001
+"""Width of what is looked at around the canvas: to 1 mm beyond the markers' black."""
+_MIN_PX_PER_M: Final = 3000.0
+_MAX_MISS_M: Final = 3e-4
+_MAX_BLUR_M: Final = 3e-4
+_MAX_COLOUR_RESIDUAL: Final = 8.0
+"""Mean ΔE2000 of the chart above which the print does not show the chart's colours."""
+_DEGREE: Final = 4  # of the polynomial of light
+_EVERY: Final = 5  # pixels between samples of the light
+_ROUNDS: Final = 8
+_BARE: Final = 254  # in the printed sheet
+_NOISE: Final = 0.02  # in the logarithm of the paper's light: no outlier
+_DARK: Final = 0.6  # of the paper's light: something lies on it
+
+
+@dataclass(frozen=True, eq=False)
+class SheetPicture:
+    """What a photograph shows of a sheet."""
+
+    sheet: int
+    """Which one, from 0."""
+    canvas: Picture
+    """sRGB [H, W, 3] of the canvas at PIXELS_PER_M."""
+    covered: float
+    """Share of the paper that should be bare and is dark."""
+    calibration: CameraCalibration
+    colour_residual: float | None
+    """Mean ΔE2000 of the chart after correction; None: the chart was not used, as it is not printed in its colours."""
+
+
+def read_sheet(frame: Picture, recording: Recording, printed: dict[str, Picture], name: str) -> SheetPicture:
+    """The sheet that a photograph [H, W, 3] shows.
+
+    Args:
+        printed: the sheets as they were printed, by file name, at PRINT_PX_PER_M.
+        name: of the photograph, in messages.
+
+    Raises:
+        CalibrationError: the photograph is mirrored, a marker is hidden, the sheet is none of this recording, or the
+            photograph is too small, too blurred or too bent.
+    """
+    photo = Photo(frame, 0.0, 1.0, np.ones(3), 0.0)
+    calibration = _registered(photo, recording, name)
+    whole = _window(recording)
+    picture = rectify(photo, calibration, whole, PIXELS_PER_M)
+    sheet = _sheet_of(picture, recording, name)
+    blur_m = _blur_m(picture, recording)
+    if blur_m > _MAX_BLUR_M:
+        raise CalibrationError(
+            f"{name} is blurred: its edges are {1e3 * blur_m:.1f} mm wide (standard deviation) and at most "
+            f"{1e3 * _MAX_BLUR_M:.1f} mm are allowed; hold the camera still, focus on the sheet, and use more light."
+        )
+    even, covered = _in_even_light(picture, _printed(printed[sheet_name(sheet)], recording))
+    true, residual = _in_true_colours(even, whole, name)
+    canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
+    return SheetPicture(sheet, crop(true, whole, canvas).copy(), covered, calibration, residual)
+
+
+def _window(recording: Recording) -> FloatArray:
+    """The window [4] of the canvas and the markers around it."""
+    margin = round(_OUTSIDE_M * PIXELS_PER_M) / PIXELS_PER_M
+    return np.array([-margin, -margin, *(np.array(recording.canvas_size_m) + margin)])
+
+
+def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibration:
+    layout = sheet_markers(recording.canvas_size_m)
+    missing = set(layout.ids) - set(_codes(photo.frame, DICTIONARY))
+    if missing and len(set(layout.ids) & set(_codes(photo.frame[:, ::-1], DICTIONARY))) > len(layout.ids) - len(missing):
+        raise CalibrationError(f"{name} is mirrored; switch off the mirroring of the camera's app and take it again.")
+    if missing:
+        raise CalibrationError(
+            f"{name} does not show {len(missing)} of the sheet's {len(layout.ids)} markers {sorted(missing)}; "
+            "take it again with the whole sheet in view, and nothing on its black squares."
+        )
+    try:
+        calibration = calibrate_camera(photo, layout)
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from error
+    canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
+    left, top, right, bottom = window_in_camera(calibration, canvas)
+    px_per_m = float(np.sqrt((right - left) * (bottom - top) / np.prod(recording.canvas_size_m)))
+    if px_per_m < _MIN_PX_PER_M:
+        raise CalibrationError(
+            f"{name} shows the sheet with {px_per_m / 1e3:.1f} pixels a millimetre and {_MIN_PX_PER_M / 1e3:g} are "
+            "needed; go nearer, until the sheet fills the picture, or send the photograph in its full size."
+        )
+    miss_m = calibration.reprojection_px / px_per_m
+    if miss_m > _MAX_MISS_M:
+        raise CalibrationError(
+            f"In {name} the markers miss a flat sheet by {1e3 * miss_m:.2f} mm and at most {1e3 * _MAX_MISS_M:.1f} mm "
+            "are allowed; tape the sheet flat to the table, go farther away, and do not use the wide-angle lens."
+        )
+    return calibration
+
+
+def _codes(frame: Picture, dictionary: str) -> list[int]:
+    """Ids of the markers of a dictionary that a picture shows."""
+    found = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    detector = cv2.aruco.ArucoDetector(found, cv2.aruco.DetectorParameters())
+    _, ids, _ = detector.detectMarkers(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY))
+    return [] if ids is None else [int(marker) for marker in ids.ravel()]
+
+
+def _sheet_of(picture: Picture, recording: Recording, name: str) -> int:
+    codes = _codes(picture, CODES)
+    if len(codes) != 1:
+        raise CalibrationError(
+            f"{name} shows {len(codes)} codes of a sheet and one is needed; uncover the code beside the lower edge."
+        )
+    sheet = recording.sheet_of(codes[0])
+    if sheet is None:
+        raise CalibrationError(
+            f"{name} shows a sheet of another recording (code {codes[0]}; this one has {recording.code} and "
+            f"{recording.sheets - 1} more); give the folder from which it was printed."
+        )
+    return sheet
+
+
+def _blur_m(picture: Picture, recording: Recording) -> float:
+    """Standard deviation of the blur: the median over the markers' four edges, each averaged along the edge.
+
+    A step of height h, blurred by a Gaussian of standard deviation s, has the largest slope h / (s sqrt(2 pi)).
+    """
+    linear = srgb_to_linear(to_float(picture)).mean(axis=2)
+    whole, layout = _window(recording), sheet_markers(recording.canvas_size_m)
+    half, reach = layout.side_m / 2, 0.0015
+    found = []
+    for x, y in layout.centres_m:
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            edge = np.array([x + dx * half, y + dy * half])
+            along = np.array([reach, half / 2]) if dx else np.array([half / 2, reach])
+            low, high = np.maximum(edge - along, whole[:2]), np.minimum(edge + along, whole[2:])
+            around = snap_window(np.concatenate([low, high]), whole, linear.shape)
+            profile = crop(linear, whole, around).mean(axis=0 if dx else 1)
+            steepest = float(np.abs(np.diff(profile)).max()) * PIXELS_PER_M
+            found.append((profile.max() - profile.min()) / (steepest * np.sqrt(2 * np.pi)))
+    return float(np.median(found))
+
+
+def _printed(sheet: Picture, recording: Recording) -> Picture:
+    """The printed sheet in the window of the photograph, at its scale."""
+    paper, whole = paper_window(recording.canvas_size_m), _window(recording)
+    scale = PIXELS_PER_M / PRINT_PX_PER_M
+    height, width = image_shape(np.array([0.0, 0.0, *PAPER_M]), PIXELS_PER_M)
+    assert scale * sheet.shape[0] == height
+    small = np.asarray(cv2.resize(sheet, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return crop(small, paper, whole)
+
+
+def _in_even_light(picture: Picture, printed: Picture) -> tuple[Picture, float]:
+    """A picture sRGB [H, W, 3] whose bare paper has the linear light PAPER all over, and the share of it that is dark.
+
+    Paint makes the paper darker, so what is darker than the fit is left out of the next one.
+    """
+    height, width = picture.shape[:2]
+    bare = cv2.erode((printed.min(axis=2) >= _BARE).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    linear = srgb_to_linear(to_float(picture))
+    rows, columns = (np.arange(_EVERY // 2, side, _EVERY) for side in (height, width))
+    at = np.ix_(rows, columns)
+    used = bare[at].ravel()
+    terms = _terms(columns / width, rows / height)[used]  # [N, K]
+    seen = np.log(np.maximum(linear[at].reshape(-1, 3)[used], 1e-3))  # [N, 3]
+    kept = np.ones(len(seen), dtype=bool)
+    # The first fit starts from the brighter half, which is paper.
+    kept = seen.mean(axis=1) >= np.median(seen.mean(axis=1)) - 0.5
+    for _ in range(_ROUNDS):
+        fit, *_ = np.linalg.lstsq(terms[kept], seen[kept], rcond=None)  # [K, 3]
+        miss = (seen - terms @ fit).mean(axis=1)
+        spread = 1.5 * float(np.median(np.abs(miss[kept])))
+        kept = np.abs(miss) < max(_NOISE, 2.5 * spread)
+    light = np.exp(_terms(np.arange(width) / width, np.arange(height) / height) @ fit).reshape(height, width, 3)
+    even = to_uint8(linear_to_srgb(np.clip(PAPER * linear / light, 0.0, 1.0)))
+    return even, float((miss < np.log(_DARK)).mean())
+
+
+def _terms(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Products of powers of x [W] and y [H] up to the total degree: [H W, K]."""
+    along, down = np.meshgrid(2 * x - 1, 2 * y - 1)
+    powers = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
+    return np.stack([(along**i * down**j).ravel() for i, j in powers], axis=1)
+
+
+def _in_true_colours(even: Picture, whole: FloatArray, name: str) -> tuple[Picture, float | None]:
+    """The picture with the chart's true colours, and the residual; unchanged and None where the chart is not coloured.
+
+    The printed inks lie on paper: the chart's colours are those of the file times what the paper reflects.
+    """
+    chart = crop(even, whole, snap_window(CHART_WINDOW_M, whole, even.shape))
+    true = linear_to_srgb(PAPER * srgb_to_linear(PATCHES_SRGB))
+    try:
+        colours = find_colours(chart, true)
+    except CalibrationError:  # a chart in black and white fixes no colours
+        return even, None
+    if colours.residual > _MAX_COLOUR_RESIDUAL:
+        return even, None
+    return true_colours(even, colours), colours.residual
