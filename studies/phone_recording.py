@@ -12,29 +12,30 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.calibration.observe import calibrate_camera
 from pentimento.collection.recording_sheet import (
     CANVAS_M,
     COMMANDS,
     PRINT_PX_PER_M,
-    Recording,
     paper_window,
-    read_recording,
+    sheet_markers,
     sheet_name,
     write_recording,
 )
-from pentimento.collection.sheet_photo import PAPER, read_sheet
+from pentimento.collection.sheet_photo import PAPER
 from pentimento.contracts.colour import delta_e_2000, linear_to_srgb, srgb_to_lab, srgb_to_linear, to_uint8
 from pentimento.contracts.frames import canvas_to_pixel, pixel_to_canvas
-from pentimento.contracts.images import decode_png, read_image
+from pentimento.contracts.images import decode_image, decode_png, read_image
+from pentimento.contracts.observations import Photo
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.io.photo_pairs import read_paths
@@ -91,9 +92,7 @@ class Measured:
     def met(self) -> bool:
         """Whether it is within the bars."""
         return (
-            max(self.register_m, self.ink_m) <= MAX_MISS_M
-            and self.delta_e <= MAX_DELTA_E
-            and self.rows == self.painted
+            max(self.register_m, self.ink_m) <= MAX_MISS_M and self.delta_e <= MAX_DELTA_E and self.rows == self.painted
         )
 
 
@@ -118,7 +117,9 @@ def draw_phone(seed: int, number: int, size_px: tuple[int, int] = FRAME_PX, dist
         from_canvas=pinhole @ placed,
         distortion=distortion * rng.uniform(-1, 1),
         gains=rng.uniform(0.6, 0.8) * rng.uniform(0.88, 1.12, size=3),
-        light=np.array([*rng.uniform(-0.2, 0.2, 2), rng.uniform(0.0, 0.25), rng.uniform(0, 0.2), rng.uniform(-0.4, 0.4)]),
+        light=np.array(
+            [*rng.uniform(-0.2, 0.2, 2), rng.uniform(0.0, 0.25), rng.uniform(0, 0.2), rng.uniform(-0.4, 0.4)]
+        ),
         tone=rng.uniform(0.94, 1.06),
         blur_px=rng.uniform(0.5, 1.3),
         jpeg=int(rng.integers(80, 96)),
@@ -129,7 +130,9 @@ def draw_phone(seed: int, number: int, size_px: tuple[int, int] = FRAME_PX, dist
 def painted(printed: Picture, paths: Sequence[RecordedPath], color_srgb: FloatArray, seed: int) -> FloatArray:
     """Linear light float32 [H, W, 3] of a printed sheet with opaque strokes along paths, wider where pressed."""
     linear = (PAPER * srgb_to_linear(printed.astype(np.float32) / 255)).astype(np.float32)
-    return np.where(paint_mask(printed.shape, paths, seed)[..., None], srgb_to_linear(color_srgb.astype(np.float32)), linear)
+    return np.where(
+        paint_mask(printed.shape, paths, seed)[..., None], srgb_to_linear(color_srgb.astype(np.float32)), linear
+    )
 
 
 def paint_mask(shape: tuple[int, ...], paths: Sequence[RecordedPath], seed: int) -> NDArray[np.bool_]:
@@ -179,7 +182,9 @@ def seen_at(phone: Phone, xy_m: FloatArray) -> FloatArray:
     straight = _projected(phone.from_canvas, xy_m) - np.array(phone.size_px) / 2
     found = straight.copy()
     for _ in range(10):  # straight = found (1 + d r²), by fixed-point iteration
-        found = straight / (1 + phone.distortion * (found**2).sum(1, keepdims=True) / (np.square(phone.size_px).sum() / 4))
+        found = straight / (
+            1 + phone.distortion * (found**2).sum(1, keepdims=True) / (np.square(phone.size_px).sum() / 4)
+        )
     return found + np.array(phone.size_px) / 2
 
 
@@ -199,9 +204,10 @@ def measure(
         for at, (when, drawn) in enumerate((("before", ()), ("after", own))):
             phone = draw_phone(seed, 2 * sheet + at, size_px, distortion)
             file = folder / f"{when}_{sheet}.jpg"
-            file.write_bytes(photograph(painted(blank, drawn, color, seed), phone, rng))
+            photo = photograph(painted(blank, drawn, color, seed), phone, rng)
+            file.write_bytes(photo)
             files[when].append(file)
-            register_m = max(register_m, _register_m(file, phone, own, recording, folder))
+            register_m = max(register_m, _register_m(photo, phone, own))
     read = read_sheets(folder / "recording", files["before"][::-1], files["after"], folder / "table")
     rows = read_table(folder / "table", CONTRACT).table.to_pylist()
     masks = [paint_mask(blank.shape, _on_sheet(paths, sheet), seed) for sheet, blank in enumerate(printed)]
@@ -221,25 +227,24 @@ def _on_sheet(paths: Sequence[RecordedPath], sheet: int) -> list[RecordedPath]:
     return [path for path in paths if path.about["surface_id"] == f"sheet_{sheet}"]
 
 
-def _register_m(file: Path, phone: Phone, paths: Sequence[RecordedPath], recording: Recording, folder: Path) -> float:
-    printed = {
-        sheet_name(sheet): read_image(folder / "recording" / sheet_name(sheet)) for sheet in range(recording.sheets)
-    }
-    shown = read_sheet(read_image(file), recording, printed, file.name)
+def _register_m(photo: bytes, phone: Phone, paths: Sequence[RecordedPath]) -> float:
+    frame = decode_image(photo, "the photograph")
+    found = calibrate_camera(Photo(frame, 0.0, 1.0, np.ones(3), 0.0), sheet_markers(CANVAS_M))
     xy_m = np.concatenate([path.path[:, 1:3] for path in paths])
-    back = _projected(np.linalg.inv(shown.calibration.camera_from_canvas), seen_at(phone, xy_m))
+    back = _projected(np.asarray(np.linalg.inv(found.camera_from_canvas), dtype=np.float64), seen_at(phone, xy_m))
     return float(np.linalg.norm(back - xy_m, axis=1).max())
 
 
-def _ink_miss_m(row: dict, mask: NDArray[np.bool_], color_srgb: FloatArray) -> float:
+def _ink_miss_m(row: Mapping[str, Any], mask: NDArray[np.bool_], color_srgb: FloatArray) -> float:
     """Distance between the middle of the true paint in a row's window and that of what changed in its pictures."""
     before, after = (decode_png(row[name]["bytes"]) / 255 for name in ("before", "after"))
     contrast = color_srgb - before
     share = np.clip(((after - before) * contrast).sum(-1) / (contrast**2).sum(-1), 0, 1)
     window = np.array(row["window_m"])
     found = _middle(share * (share > 0.25), window)
-    low, high = canvas_to_pixel(window[[0, 3]], paper_window(CANVAS_M), PRINT_PX_PER_M), canvas_to_pixel(
-        window[[2, 1]], paper_window(CANVAS_M), PRINT_PX_PER_M
+    low, high = (
+        canvas_to_pixel(window[[0, 3]], paper_window(CANVAS_M), PRINT_PX_PER_M),
+        canvas_to_pixel(window[[2, 1]], paper_window(CANVAS_M), PRINT_PX_PER_M),
     )
     (left, top), (right, bottom) = np.round(low + 0.5).astype(int), np.round(high + 0.5).astype(int)
     true = _middle(mask[top:bottom, left:right].astype(float), window)

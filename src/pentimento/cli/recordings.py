@@ -12,7 +12,7 @@ from pentimento.contracts.units import parse_quantity
 
 if TYPE_CHECKING:
     from pentimento.io.lerobot_in import Description
-    from pentimento.io.stroke_rows import Placement
+    from pentimento.io.stroke_rows import Imported, Placement
 
 
 def _import(arguments: argparse.Namespace) -> None:
@@ -33,10 +33,15 @@ def _import(arguments: argparse.Namespace) -> None:
         imported = import_photo_pairs(
             arguments.paths, arguments.photos, _placement(arguments), arguments.tool, arguments.out
         )
-    print(f"{imported.rows} strokes are in {arguments.out}.")
+    print_imported(imported, arguments.out)
+
+
+def print_imported(imported: Imported, out: Path) -> None:
+    """Print how many strokes are in the table `out`, and which were refused and why."""
+    print(f"{imported.rows} strokes are in {out}.")
     for reason, strokes in imported.refused.items():
         print(f"Refused: {len(strokes)} × {reason} ({', '.join(strokes[:8])}{', …' if len(strokes) > 8 else ''}).")
-    print(f"What they hold: pentimento card {arguments.out}")
+    print(f"What they hold: pentimento card {out}")
 
 
 def _description_of_dataset(arguments: argparse.Namespace) -> Description | None:

@@ -142,7 +142,9 @@ def design_collection(
     return commands
 
 
-def design_in_cells(tool: Tool, cells_m: FloatArray, palette_srgb: FloatArray, config: CollectionConfig) -> list[Command]:
+def design_in_cells(
+    tool: Tool, cells_m: FloatArray, palette_srgb: FloatArray, config: CollectionConfig
+) -> list[Command]:
     """``config.strokes`` commands in their order, sheet by sheet, each alone in a cell of its sheet.
 
     Repeats of an action lie in the same cell of different sheets, freshly dipped. In a sheet the order of the cells is

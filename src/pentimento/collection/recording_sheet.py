@@ -139,7 +139,9 @@ def write_recording(folder: Path, tool: Tool, strokes: int, seed: int) -> Record
     columns, rows = (int(side // _CELL_M) for side in CANVAS_M)
     size = np.array(CANVAS_M) / (columns, rows)
     low = np.array([(column, row) for row in range(rows) for column in range(columns)]) * size
-    commands = design_in_cells(tool, np.hstack([low, low + size]), _palette(tool), _config(tool, strokes, len(low), seed))
+    commands = design_in_cells(
+        tool, np.hstack([low, low + size]), _palette(tool), _config(tool, strokes, len(low), seed)
+    )
     table = commands_csv(commands, tool, f"{tool.name}-{seed}")
     code = zlib.crc32(table.encode()) % _N_CODES
     sheets = 1 + max(command.sheet for command in commands)

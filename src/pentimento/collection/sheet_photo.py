@@ -92,7 +92,7 @@ def read_sheet(frame: Picture, recording: Recording, printed: dict[str, Picture]
             f"{1e3 * _MAX_BLUR_M:.1f} mm are allowed; hold the camera still, focus on the sheet, and use more light."
         )
     even, covered = _in_even_light(picture, _printed(printed[sheet_name(sheet)], recording))
-    true, residual = _in_true_colours(even, whole, name)
+    true, residual = _in_true_colours(even, whole)
     canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
     return SheetPicture(sheet, crop(true, whole, canvas).copy(), covered, calibration, residual)
 
@@ -106,7 +106,9 @@ def _window(recording: Recording) -> FloatArray:
 def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibration:
     layout = sheet_markers(recording.canvas_size_m)
     missing = set(layout.ids) - set(_codes(photo.frame, DICTIONARY))
-    if missing and len(set(layout.ids) & set(_codes(photo.frame[:, ::-1], DICTIONARY))) > len(layout.ids) - len(missing):
+    if missing and len(set(layout.ids) & set(_codes(photo.frame[:, ::-1], DICTIONARY))) > len(layout.ids) - len(
+        missing
+    ):
         raise CalibrationError(f"{name} is mirrored; switch off the mirroring of the camera's app and take it again.")
     if missing:
         raise CalibrationError(
@@ -201,7 +203,6 @@ def _in_even_light(picture: Picture, printed: Picture) -> tuple[Picture, float]:
     used = bare[at].ravel()
     terms = _terms(columns / width, rows / height)[used]  # [N, K]
     seen = np.log(np.maximum(linear[at].reshape(-1, 3)[used], 1e-3))  # [N, 3]
-    kept = np.ones(len(seen), dtype=bool)
     # The first fit starts from the brighter half, which is paper.
     kept = seen.mean(axis=1) >= np.median(seen.mean(axis=1)) - 0.5
     for _ in range(_ROUNDS):
@@ -221,7 +222,7 @@ def _terms(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([(along**i * down**j).ravel() for i, j in powers], axis=1)
 
 
-def _in_true_colours(even: Picture, whole: FloatArray, name: str) -> tuple[Picture, float | None]:
+def _in_true_colours(even: Picture, whole: FloatArray) -> tuple[Picture, float | None]:
     """The picture with the chart's true colours, and the residual; unchanged and None where the chart is not coloured.
 
     The printed inks lie on paper: the chart's colours are those of the file times what the paper reflects.

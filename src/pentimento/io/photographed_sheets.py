@@ -1,8 +1,8 @@
-"""`pentimento record read`: photographs of printed sheets before and after they were painted on, as a table of strokes."""
+"""`pentimento record read`: photographs of sheets before and after they were painted on, as a table of strokes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pentimento.collection.recording_sheet import (
     COMMANDS,
-    PRINT_PX_PER_M,
     Recording,
     read_recording,
     sheet_name,
@@ -36,6 +35,7 @@ _SHOWN: Final = 9
 _MIN_CONTRAST: Final = 0.08
 """Change of sRGB along a path below which there is no paint."""
 _PAINTED: Final = 75  # percentile of the change along a path
+_MORE: Final = 0.005  # share of the paper that is dark by noise
 _FULL: Final = 0.8  # share of the largest change at which paint covers
 
 
@@ -77,9 +77,11 @@ def read_sheets(folder: Path, before: Sequence[Path], after: Sequence[Path], out
         pair, change = _pair_of(stroke, pairs), changes[stroke.name]
         if pair is None:
             raise Refused("its sheet was not photographed both before and after")
+        canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
+        if not ((stroke.path[:, 1:3] >= canvas[:2]) & (stroke.path[:, 1:3] <= canvas[2:])).all():
+            raise Refused("its path leaves the canvas")
         if change is None or not change.painted:
             raise Refused("no paint is along it")
-        canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
         cell, wide = recording.cell_around(stroke.path), window_around(stroke.path, MARGIN_M)
         window = np.concatenate([np.maximum(cell[:2], wide[:2]), np.minimum(cell[2:], wide[2:])])
         window = snap_window(window, canvas, pair.before.canvas.shape)
@@ -93,7 +95,7 @@ def read_sheets(folder: Path, before: Sequence[Path], after: Sequence[Path], out
     return ReadSheets(imported, color, coloured, folder / FIRST_ROWS)
 
 
-def _pairs(folder: Path, recording: Recording, before: Sequence[Path], after: Sequence[Path]) -> dict[int, _Pair]:
+def _pairs(folder: Path, recording: Recording, before: Sequence[Path], after: Sequence[Path]) -> dict[str, _Pair]:
     names = [sheet_name(sheet) for sheet in range(recording.sheets)]
     printed = {name: read_image(folder / name) for name in names}
     found: list[dict[int, SheetPicture]] = []
@@ -105,13 +107,15 @@ def _pairs(folder: Path, recording: Recording, before: Sequence[Path], after: Se
                 raise CalibrationError(f"Two photographs {when} show sheet {shown.sheet + 1}; leave out {path}.")
             seen[shown.sheet] = shown
         found.append(seen)
-    pairs = {sheet: _Pair(found[0][sheet], found[1][sheet]) for sheet in sorted(found[0].keys() & found[1].keys())}
+    both = sorted(found[0].keys() & found[1].keys())
+    pairs = {f"sheet_{sheet}": _Pair(found[0][sheet], found[1][sheet]) for sheet in both}
     if not pairs:
         raise CalibrationError("No sheet is photographed both before and after; give both photographs of each sheet.")
-    for sheet, pair in pairs.items():
-        if pair.before.covered > pair.after.covered:
+    for pair in pairs.values():
+        if pair.before.covered > pair.after.covered + _MORE:
             raise CalibrationError(
-                f"The photograph before of sheet {sheet + 1} shows more paint than the one after; exchange them."
+                f"The photograph before of sheet {pair.before.sheet + 1} shows more paint than the one after; "
+                "exchange them."
             )
     return pairs
 
@@ -129,14 +133,14 @@ class _Change(NamedTuple):
         return bool(np.percentile(self.amount, _PAINTED) > _MIN_CONTRAST)
 
 
-def _pair_of(stroke: RecordedPath, pairs: Mapping[int, _Pair]) -> _Pair | None:
-    return pairs.get(int(str(stroke.about["surface_id"]).removeprefix("sheet_")))
+def _pair_of(stroke: RecordedPath, pairs: Mapping[str, _Pair]) -> _Pair | None:
+    return pairs.get(str(stroke.about.get("surface_id")))
 
 
-def _change(stroke: RecordedPath, recording: Recording, pairs: Mapping[int, _Pair]) -> _Change | None:
-    """None where the stroke's sheet was not photographed."""
+def _change(stroke: RecordedPath, recording: Recording, pairs: Mapping[str, _Pair]) -> _Change | None:
+    """None where the stroke's sheet was not photographed, or its path cannot be used."""
     pair = _pair_of(stroke, pairs)
-    if pair is None:
+    if pair is None or stroke.fault is not None:
         return None
     canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
     mask = np.zeros(pair.before.canvas.shape[:2], np.uint8)
@@ -146,7 +150,7 @@ def _change(stroke: RecordedPath, recording: Recording, pairs: Mapping[int, _Pai
     return _Change(np.abs(after - before).mean(axis=1), after)
 
 
-def _paint(changes: Sequence[_Change | None] | Any) -> FloatArray:
+def _paint(changes: Iterable[_Change | None]) -> FloatArray:
     """The paint's colour [3], sRGB: the median where it covers best.
 
     Raises:
@@ -164,7 +168,7 @@ def _paint(changes: Sequence[_Change | None] | Any) -> FloatArray:
 def first_rows(table: Path) -> Picture:
     """Before and after of the first rows of a table, with their commanded paths drawn on the pictures after."""
     rows = sorted(read_table(table, CONTRACT).table.to_pylist(), key=lambda row: row["order"])[:_SHOWN]
-    before, after, commanded = ([] for _ in range(3))
+    columns: dict[str, list[Picture]] = {"before": [], "after": [], "command": []}
     for row in rows:
         pictures = [decode_png(row[name]["bytes"]) for name in ("before", "after")]
         side = max(max(picture.shape[:2]) for picture in pictures)
@@ -173,10 +177,10 @@ def first_rows(table: Path) -> Picture:
         drawn = pictures[1].copy()
         cv2.polylines(drawn, [np.round(path).astype(np.int32)], False, (220, 140, 20), 2, cv2.LINE_AA)
         cv2.circle(drawn, [int(v) for v in np.round(path[0])], 5, (220, 140, 20), -1, cv2.LINE_AA)
-        for column, picture in zip((before, after, commanded), (*pictures, drawn), strict=True):
+        for column, picture in zip(columns.values(), (*pictures, drawn), strict=True):
             height, width = picture.shape[:2]
             column.append(
                 cv2.copyMakeBorder(picture, 0, side - height, 0, side - width, cv2.BORDER_CONSTANT, value=(255,) * 3)
             )
     captions = [f"stroke {row['order'] + 1}, action {row['action_id']}" for row in rows]
-    return side_by_side({"before": before, "after": after, "command": commanded}, captions, (180, 180))
+    return side_by_side(columns, captions, (180, 180))
