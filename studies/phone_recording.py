@@ -127,12 +127,11 @@ def draw_phone(seed: int, number: int, size_px: tuple[int, int] = FRAME_PX, dist
     )
 
 
-def painted(printed: Picture, paths: Sequence[RecordedPath], color_srgb: FloatArray, seed: int) -> FloatArray:
+def painted(printed: Picture, paths: Sequence[RecordedPath], color_srgb: FloatArray, seed: int) -> NDArray[np.float32]:
     """Linear light float32 [H, W, 3] of a printed sheet with opaque strokes along paths, wider where pressed."""
-    linear = (PAPER * srgb_to_linear(printed.astype(np.float32) / 255)).astype(np.float32)
-    return np.where(
-        paint_mask(printed.shape, paths, seed)[..., None], srgb_to_linear(color_srgb.astype(np.float32)), linear
-    )
+    linear = (PAPER * srgb_to_linear(np.arange(256) / 255)).astype(np.float32)[printed]
+    linear[paint_mask(printed.shape, paths, seed)] = srgb_to_linear(color_srgb)
+    return linear
 
 
 def paint_mask(shape: tuple[int, ...], paths: Sequence[RecordedPath], seed: int) -> NDArray[np.bool_]:
@@ -148,15 +147,13 @@ def paint_mask(shape: tuple[int, ...], paths: Sequence[RecordedPath], seed: int)
     return mask > 0
 
 
-def photograph(sheet: FloatArray, phone: Phone, rng: np.random.Generator) -> bytes:
+def photograph(sheet: NDArray[np.float32], phone: Phone, rng: np.random.Generator) -> bytes:
     """The JPEG of a sheet, linear light [H, W, 3] at PRINT_PX_PER_M."""
     width, height = phone.size_px
     canvas_from_sheet = np.linalg.inv(_pixels_from_canvas())
     to_frame = phone.from_canvas @ canvas_from_sheet
     table = tuple(float(v) for v in srgb_to_linear(np.array(_TABLE_SRGB)))
-    sampled = cv2.warpPerspective(
-        sheet.astype(np.float32), to_frame, (width, height), flags=cv2.INTER_LINEAR, borderValue=table
-    )
+    sampled = cv2.warpPerspective(sheet, to_frame, (width, height), flags=cv2.INTER_LINEAR, borderValue=table)
     if phone.distortion:
         columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
         x, y = columns - np.float32(width / 2), rows - np.float32(height / 2)
@@ -171,8 +168,9 @@ def photograph(sheet: FloatArray, phone: Phone, rng: np.random.Generator) -> byt
     light *= 1 - shadow / (1 + np.exp(-(x + 0.5 * y - edge) / np.float32(0.25)))
     linear = cv2.GaussianBlur(sampled, (0, 0), phone.blur_px) * light[..., None] * phone.gains.astype(np.float32)
     linear += (0.004 + 0.01 * np.sqrt(np.maximum(linear, 0))) * rng.standard_normal(linear.shape, dtype=np.float32)
-    srgb = linear_to_srgb(np.clip(linear, 0, 1) ** np.float32(phone.tone))
-    done, data = cv2.imencode(".jpg", to_uint8(srgb)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, phone.jpeg])
+    levels = to_uint8(linear_to_srgb((np.arange(65536) / 65535) ** phone.tone))
+    srgb = levels[np.rint(65535 * np.clip(linear, 0, 1)).astype(np.uint16)]
+    done, data = cv2.imencode(".jpg", srgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, phone.jpeg])
     assert done
     return bytes(data.tobytes())
 

@@ -15,7 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.calibration.colour_chart import PATCHES_SRGB, find_colours, true_colours
-from pentimento.calibration.observe import CameraCalibration, calibrate_camera, rectify, window_in_camera
+from pentimento.calibration.observe import (
+    CameraCalibration,
+    calibrate_camera,
+    marker_detector,
+    rectify,
+    window_in_camera,
+)
 from pentimento.collection.recording_sheet import (
     CHART_WINDOW_M,
     CODES,
@@ -105,15 +111,14 @@ def _window(recording: Recording) -> FloatArray:
 
 def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibration:
     layout = sheet_markers(recording.canvas_size_m)
-    missing = set(layout.ids) - set(_codes(photo.frame, DICTIONARY))
-    if missing and len(set(layout.ids) & set(_codes(photo.frame[:, ::-1], DICTIONARY))) > len(layout.ids) - len(
-        missing
-    ):
-        raise CalibrationError(f"{name} is mirrored; switch off the mirroring of the camera's app and take it again.")
+    seen = set(_codes(photo.frame, DICTIONARY)) & set(layout.ids)
+    missing = sorted(set(layout.ids) - seen)
+    if missing and len(set(_codes(photo.frame[:, ::-1], DICTIONARY)) & set(layout.ids)) > len(seen):
+        raise CalibrationError(f"{name} is mirrored; switch off the mirroring in the camera's app and take it again.")
     if missing:
         raise CalibrationError(
-            f"{name} does not show {len(missing)} of the sheet's {len(layout.ids)} markers {sorted(missing)}; "
-            "take it again with the whole sheet in view, and nothing on its black squares."
+            f"{name} does not show {len(missing)} of the sheet's {len(layout.ids)} markers ({missing}); take it again "
+            "with the whole sheet in view, in focus, and nothing on its black squares."
         )
     try:
         calibration = calibrate_camera(photo, layout)
@@ -138,9 +143,8 @@ def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibrat
 
 def _codes(frame: Picture, dictionary: str) -> list[int]:
     """Ids of the markers of a dictionary that a picture shows."""
-    found = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
-    detector = cv2.aruco.ArucoDetector(found, cv2.aruco.DetectorParameters())
-    _, ids, _ = detector.detectMarkers(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY))
+    grey = cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY)
+    _, ids, _ = marker_detector(dictionary).detectMarkers(grey)
     return [] if ids is None else [int(marker) for marker in ids.ravel()]
 
 
