@@ -121,7 +121,7 @@ def draw_phone(seed: int, number: int, size_px: tuple[int, int] = FRAME_PX, dist
             [*rng.uniform(-0.2, 0.2, 2), rng.uniform(0.0, 0.25), rng.uniform(0, 0.2), rng.uniform(-0.4, 0.4)]
         ),
         tone=rng.uniform(0.94, 1.06),
-        blur_px=rng.uniform(0.5, 1.3),
+        blur_px=rng.uniform(0.5, 1.3) * width / FRAME_PX[0],
         jpeg=int(rng.integers(80, 96)),
         size_px=size_px,
     )

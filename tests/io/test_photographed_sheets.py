@@ -129,7 +129,7 @@ def bulged(frame: Picture) -> Picture:
     [
         (lambda frame: frame[:, ::-1], "mirrored"),
         (hidden, r"does not show 1 of the sheet's 8 markers \(\[8\]\)"),
-        (lambda frame: cv2.GaussianBlur(frame, (0, 0), 4), "blurred"),
+        (lambda frame: cv2.GaussianBlur(frame, (0, 0), 1.8), "blurred"),
         (lambda frame: cv2.resize(frame, None, fx=0.45, fy=0.45, interpolation=cv2.INTER_AREA), "pixels a millimetre"),
         (bulged, "miss a flat sheet"),
         (lambda frame: np.full_like(frame, 128), "does not show 8"),

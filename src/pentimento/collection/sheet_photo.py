@@ -1,8 +1,8 @@
 """A photograph of a recording sheet as the picture of its canvas: registered, checked, in even light and true colours.
 
-The paper is flat and the lens draws straight lines: one homography, fitted to the corners of eight markers. Light is
-smooth over the sheet: a polynomial in x and y, fitted for each channel to the logarithm of the bare paper. Colours are
-corrected by the printed chart.
+The paper is flat and the lens draws straight lines: one homography, fitted to the corners of eight markers, all of
+which must lie where it puts them. Light is smooth over the sheet: a polynomial in x and y, fitted for each channel to
+the logarithm of the bare paper. Colours are corrected by the printed chart.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ PAPER: Final = 0.88
 _OUTSIDE_M: Final = (MARGIN_M + SIDE_M) / 2 + 0.001
 """Width of what is looked at around the canvas: to 1 mm beyond the markers' black."""
 _MIN_PX_PER_M: Final = 3000.0
-_MAX_MISS_M: Final = 3e-4
+_MAX_MISS_M: Final = 2e-4
+"""Of a marker's middle. A lens that bends lines misses by up to 1.3 times as much in the canvas."""
 _MAX_BLUR_M: Final = 3e-4
 _MAX_COLOUR_RESIDUAL: Final = 8.0
 """Mean ΔE2000 of the chart above which the print does not show the chart's colours."""
@@ -56,8 +57,8 @@ _DEGREE: Final = 4  # of the polynomial of light
 _EVERY: Final = 5  # pixels between samples of the light
 _ROUNDS: Final = 8
 _BARE: Final = 254  # in the printed sheet
+_BRIGHT: Final = 0.5  # below the median logarithm of light: too dark for the first fit, which paper should decide
 _NOISE: Final = 0.02  # in the logarithm of the paper's light: no outlier
-_DARK: Final = 0.6  # of the paper's light: something lies on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +69,6 @@ class SheetPicture:
     """Which one, from 0."""
     canvas: Picture
     """sRGB [H, W, 3] of the canvas at PIXELS_PER_M."""
-    covered: float
-    """Share of the paper that should be bare and is dark."""
     calibration: CameraCalibration
     colour_residual: float | None
     """Mean ΔE2000 of the chart after correction; None: the chart was not used, as it is not printed in its colours."""
@@ -94,13 +93,13 @@ def read_sheet(frame: Picture, recording: Recording, printed: dict[str, Picture]
     blur_m = _blur_m(picture, recording)
     if blur_m > _MAX_BLUR_M:
         raise CalibrationError(
-            f"{name} is blurred: its edges are {1e3 * blur_m:.1f} mm wide (standard deviation) and at most "
+            f"{name} is blurred: its edges are {1e3 * blur_m:.2f} mm wide (standard deviation) and at most "
             f"{1e3 * _MAX_BLUR_M:.1f} mm are allowed; hold the camera still, focus on the sheet, and use more light."
         )
-    even, covered = _in_even_light(picture, _printed(printed[sheet_name(sheet)], recording))
+    even = _in_even_light(picture, _printed(printed[sheet_name(sheet)], recording))
     true, residual = _in_true_colours(even, whole)
     canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
-    return SheetPicture(sheet, crop(true, whole, canvas).copy(), covered, calibration, residual)
+    return SheetPicture(sheet, crop(true, whole, canvas).copy(), calibration, residual)
 
 
 def _window(recording: Recording) -> FloatArray:
@@ -111,9 +110,10 @@ def _window(recording: Recording) -> FloatArray:
 
 def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibration:
     layout = sheet_markers(recording.canvas_size_m)
-    seen = set(_codes(photo.frame, DICTIONARY)) & set(layout.ids)
-    missing = sorted(set(layout.ids) - seen)
-    if missing and len(set(_codes(photo.frame[:, ::-1], DICTIONARY)) & set(layout.ids)) > len(seen):
+    seen = _markers(photo.frame, DICTIONARY)
+    missing = sorted(set(layout.ids) - seen.keys())
+    mirrored = _markers(photo.frame[:, ::-1], DICTIONARY) if missing else {}
+    if len(mirrored.keys() & set(layout.ids)) > len(layout.ids) - len(missing):
         raise CalibrationError(f"{name} is mirrored; switch off the mirroring in the camera's app and take it again.")
     if missing:
         raise CalibrationError(
@@ -132,7 +132,9 @@ def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibrat
             f"{name} shows the sheet with {px_per_m / 1e3:.1f} pixels a millimetre and {_MIN_PX_PER_M / 1e3:g} are "
             "needed; go nearer, until the sheet fills the picture, or send the photograph in its full size."
         )
-    miss_m = calibration.reprojection_px / px_per_m
+    shown = np.stack([seen[marker] for marker in layout.ids]).mean(axis=1)  # [K, 2], the mean of each one's corners
+    expected = calibration.to_camera(layout.corners_m()).mean(axis=1)
+    miss_m = float(np.linalg.norm(shown - expected, axis=1).max()) / px_per_m
     if miss_m > _MAX_MISS_M:
         raise CalibrationError(
             f"In {name} the markers miss a flat sheet by {1e3 * miss_m:.2f} mm and at most {1e3 * _MAX_MISS_M:.1f} mm "
@@ -141,15 +143,17 @@ def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibrat
     return calibration
 
 
-def _codes(frame: Picture, dictionary: str) -> list[int]:
-    """Ids of the markers of a dictionary that a picture shows."""
+def _markers(frame: Picture, dictionary: str) -> dict[int, FloatArray]:
+    """Corners [4, 2] (column, row) of the markers of a dictionary that a picture shows, by their ids."""
     grey = cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY)
-    _, ids, _ = marker_detector(dictionary).detectMarkers(grey)
-    return [] if ids is None else [int(marker) for marker in ids.ravel()]
+    corners, ids, _ = marker_detector(dictionary).detectMarkers(grey)
+    if ids is None:
+        return {}
+    return {int(marker): np.asarray(at[0], dtype=np.float64) for marker, at in zip(ids.ravel(), corners, strict=True)}
 
 
 def _sheet_of(picture: Picture, recording: Recording, name: str) -> int:
-    codes = _codes(picture, CODES)
+    codes = sorted(_markers(picture, CODES))
     if len(codes) != 1:
         raise CalibrationError(
             f"{name} shows {len(codes)} codes of a sheet and one is needed; uncover the code beside the lower edge."
@@ -194,36 +198,31 @@ def _printed(sheet: Picture, recording: Recording) -> Picture:
     return crop(small, paper, whole)
 
 
-def _in_even_light(picture: Picture, printed: Picture) -> tuple[Picture, float]:
-    """A picture sRGB [H, W, 3] whose bare paper has the linear light PAPER all over, and the share of it that is dark.
+def _in_even_light(picture: Picture, printed: Picture) -> Picture:
+    """A picture sRGB [H, W, 3] whose bare paper has the linear light PAPER all over.
 
     Paint makes the paper darker, so what is darker than the fit is left out of the next one.
     """
     height, width = picture.shape[:2]
     bare = cv2.erode((printed.min(axis=2) >= _BARE).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     linear = srgb_to_linear(to_float(picture))
-    rows, columns = (np.arange(_EVERY // 2, side, _EVERY) for side in (height, width))
-    at = np.ix_(rows, columns)
-    used = bare[at].ravel()
-    terms = _terms(columns / width, rows / height)[used]  # [N, K]
-    seen = np.log(np.maximum(linear[at].reshape(-1, 3)[used], 1e-3))  # [N, 3]
-    # The first fit starts from the brighter half, which is paper.
-    kept = seen.mean(axis=1) >= np.median(seen.mean(axis=1)) - 0.5
+    across, down = (np.vander(np.linspace(-1, 1, side), _DEGREE + 1, increasing=True) for side in (width, height))
+    some = slice(None, None, _EVERY)
+    used = bare[some, some]
+    powers = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]  # up to the total degree
+    terms = np.stack([np.outer(down[some, j], across[some, i])[used] for i, j in powers], axis=1)  # [N, K]
+    seen = np.log(np.maximum(linear[some, some][used], 1e-3)).astype(np.float64)  # [N, 3]
+    bright = seen.mean(axis=1)
+    kept = bright >= np.median(bright) - _BRIGHT
     for _ in range(_ROUNDS):
         fit, *_ = np.linalg.lstsq(terms[kept], seen[kept], rcond=None)  # [K, 3]
         miss = (seen - terms @ fit).mean(axis=1)
-        spread = 1.5 * float(np.median(np.abs(miss[kept])))
-        kept = np.abs(miss) < max(_NOISE, 2.5 * spread)
-    light = np.exp(_terms(np.arange(width) / width, np.arange(height) / height) @ fit).reshape(height, width, 3)
-    even = to_uint8(linear_to_srgb(np.clip(PAPER * linear / light, 0.0, 1.0)))
-    return even, float((miss < np.log(_DARK)).mean())
-
-
-def _terms(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Products of powers of x [W] and y [H] up to the total degree: [H W, K]."""
-    along, down = np.meshgrid(2 * x - 1, 2 * y - 1)
-    powers = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
-    return np.stack([(along**i * down**j).ravel() for i, j in powers], axis=1)
+        kept = np.abs(miss) < max(_NOISE, 4 * float(np.median(np.abs(miss[kept]))))
+    factors = np.zeros((_DEGREE + 1, _DEGREE + 1, 3))  # of power j of y and i of x
+    for (i, j), factor in zip(powers, fit, strict=True):
+        factors[j, i] = factor
+    light = np.stack([np.exp(down @ factors[..., channel] @ across.T) for channel in range(3)], axis=-1)
+    return to_uint8(linear_to_srgb(np.clip(PAPER * linear / light.astype(np.float32), 0.0, 1.0)))
 
 
 def _in_true_colours(even: Picture, whole: FloatArray) -> tuple[Picture, float | None]:

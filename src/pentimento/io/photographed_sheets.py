@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -35,7 +35,6 @@ _SHOWN: Final = 9
 _MIN_CONTRAST: Final = 0.08
 """Change of sRGB along a path below which there is no paint."""
 _PAINTED: Final = 75  # percentile of the change along a path
-_MORE: Final = 0.005  # share of the paper that is dark by noise
 _FULL: Final = 0.8  # share of the largest change at which paint covers
 
 
@@ -111,12 +110,6 @@ def _pairs(folder: Path, recording: Recording, before: Sequence[Path], after: Se
     pairs = {f"sheet_{sheet}": _Pair(found[0][sheet], found[1][sheet]) for sheet in both}
     if not pairs:
         raise CalibrationError("No sheet is photographed both before and after; give both photographs of each sheet.")
-    for pair in pairs.values():
-        if pair.before.covered > pair.after.covered + _MORE:
-            raise CalibrationError(
-                f"The photograph before of sheet {pair.before.sheet + 1} shows more paint than the one after; "
-                "exchange them."
-            )
     return pairs
 
 
@@ -124,13 +117,17 @@ class _Change(NamedTuple):
     """What changed within a tool's width of a path."""
 
     amount: FloatArray
-    """[N] mean change over the channels, sRGB."""
+    """[N] how much darker it became, mean over the channels, sRGB; strokes lie on paper."""
     after: FloatArray
     """[N, 3] sRGB."""
 
     @property
     def painted(self) -> bool:
         return bool(np.percentile(self.amount, _PAINTED) > _MIN_CONTRAST)
+
+    @property
+    def washed_off(self) -> bool:
+        return bool(np.percentile(-self.amount, _PAINTED) > _MIN_CONTRAST)
 
 
 def _pair_of(stroke: RecordedPath, pairs: Mapping[str, _Pair]) -> _Pair | None:
@@ -147,16 +144,22 @@ def _change(stroke: RecordedPath, recording: Recording, pairs: Mapping[str, _Pai
     line = np.round(canvas_to_pixel(stroke.path[:, 1:3], canvas, PIXELS_PER_M)).astype(np.int32)
     cv2.polylines(mask, [line], False, 1, max(1, round(recording.nominal_width_m * PIXELS_PER_M)))
     before, after = (each.canvas[mask > 0] / 255 for each in pair)
-    return _Change(np.abs(after - before).mean(axis=1), after)
+    return _Change((before - after).mean(axis=1), after)
 
 
-def _paint(changes: Iterable[_Change | None]) -> FloatArray:
+def _paint(changes: Collection[_Change | None]) -> FloatArray:
     """The paint's colour [3], sRGB: the median where it covers best.
 
     Raises:
+        CalibrationError: the photographs before and after are exchanged.
         ContractError: no stroke was painted.
     """
-    painted = [change for change in changes if change is not None and change.painted]
+    seen = [change for change in changes if change is not None]
+    painted = [change for change in seen if change.painted]
+    if sum(change.washed_off for change in seen) > len(painted):
+        raise CalibrationError(
+            "The photographs before show the painted sheets, and those after the blank ones; exchange them."
+        )
     if not painted:
         raise ContractError(
             "No stroke was painted along its guide line; check that the photographs after show the painted sheets."
