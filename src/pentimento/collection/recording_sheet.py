@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import zlib
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pentimento.calibration.colour_chart import COLUMNS, PATCHES_SRGB, ROWS
+from pentimento.calibration.observe import marker_detector
 from pentimento.collection.design import CollectionConfig, Command, design_in_cells
 from pentimento.contracts.atomic import command_folder
 from pentimento.contracts.codec import from_plain, to_plain
@@ -50,6 +52,8 @@ _COMMAND: Final = "pentimento record sheet"
 _FIRST_ID: Final = 8  # the markers round a rig's canvas are 0 to 7, and a sheet may lie among them
 _N_CODES: Final = 1000
 _CODE_CENTRE_M: Final = (0.062, -0.010)
+_CODE_PX: Final = 80  # of a code that is tried, and how it is blurred
+_BLURS: Final = (0.5, 1.2, 2.0)
 _CELL_M: Final = 0.048
 """Cells are at least as large."""
 _CLEAR_M: Final = 0.004
@@ -143,8 +147,8 @@ def write_recording(folder: Path, tool: Tool, strokes: int, seed: int) -> Record
         tool, np.hstack([low, low + size]), _palette(tool), _config(tool, strokes, len(low), seed)
     )
     table = commands_csv(commands, tool, f"{tool.name}-{seed}")
-    code = zlib.crc32(table.encode()) % _N_CODES
     sheets = 1 + max(command.sheet for command in commands)
+    code = _free_code(zlib.crc32(table.encode()), sheets)
     recording = Recording(
         tool.name, tool.medium, tool.nominal_width_m, CANVAS_M, (columns, rows), sheets=sheets, code=code
     )
@@ -264,6 +268,21 @@ class _Page:
     def _place(self, left_top_m: FloatArray, picture: Picture) -> None:
         column, row = np.round(self.px(left_top_m) + 0.5).astype(int)
         self.pixels[row : row + picture.shape[0], column : column + picture.shape[1]] = picture
+
+
+def _free_code(first: int, sheets: int) -> int:
+    """The first code from ``first`` on, modulo 1000, such that those of all sheets are not read as markers."""
+    numbers = itertools.count(first)
+    return next(n for n in numbers if not any(_misread((n + s) % _N_CODES) for s in range(sheets))) % _N_CODES
+
+
+def _misread(code: int) -> bool:
+    """Whether a blurred code is taken for one of the markers round a canvas; two or three of a thousand are."""
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, CODES))
+    square = cv2.aruco.generateImageMarker(dictionary, code, _CODE_PX)
+    quiet = cv2.copyMakeBorder(square, 20, 20, 20, 20, cv2.BORDER_CONSTANT, value=(255,))
+    blurred = (cv2.GaussianBlur(quiet, (0, 0), blur) for blur in _BLURS)
+    return any(marker_detector(DICTIONARY).detectMarkers(each)[1] is not None for each in blurred)
 
 
 def _palette(tool: Tool) -> FloatArray:
