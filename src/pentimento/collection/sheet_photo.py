@@ -20,7 +20,6 @@ from pentimento.calibration.observe import (
     calibrate_camera,
     marker_detector,
     rectify,
-    window_in_camera,
 )
 from pentimento.collection.recording_sheet import (
     CHART_WINDOW_M,
@@ -88,7 +87,10 @@ def read_sheet(frame: Picture, recording: Recording, printed: dict[str, Picture]
     photo = Photo(frame, 0.0, 1.0, np.ones(3), 0.0)
     calibration = _registered(photo, recording, name)
     whole = _window(recording)
-    picture = rectify(photo, calibration, whole, PIXELS_PER_M)
+    try:
+        picture = rectify(photo, calibration, whole, PIXELS_PER_M)
+    except CalibrationError as error:
+        raise CalibrationError(f"{name} cuts off a marker's white edge; show the whole sheet.") from error
     sheet = _sheet_of(picture, recording, name)
     blur_m = _blur_m(picture, recording)
     if blur_m > _MAX_BLUR_M:
@@ -124,9 +126,9 @@ def _registered(photo: Photo, recording: Recording, name: str) -> CameraCalibrat
         calibration = calibrate_camera(photo, layout)
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from error
-    canvas = np.array([0.0, 0.0, *recording.canvas_size_m])
-    left, top, right, bottom = window_in_camera(calibration, canvas)
-    px_per_m = float(np.sqrt((right - left) * (bottom - top) / np.prod(recording.canvas_size_m)))
+    width, height = recording.canvas_size_m
+    around = calibration.to_camera(np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]))
+    px_per_m = float(np.sqrt(cv2.contourArea(around.astype(np.float32)) / (width * height)))
     if px_per_m < _MIN_PX_PER_M:
         raise CalibrationError(
             f"{name} shows the sheet with {px_per_m / 1e3:.1f} pixels a millimetre and {_MIN_PX_PER_M / 1e3:g} are "
