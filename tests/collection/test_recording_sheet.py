@@ -52,7 +52,7 @@ def strokes(folder: Path) -> list[RecordedPath]:
 
 def test_each_stroke_is_alone_in_its_cell(recording: Recording, strokes: list[RecordedPath]) -> None:
     half = BRUSH.nominal_width_m / 2
-    cells = Counter()
+    cells: Counter[tuple[object, ...]] = Counter()
     for stroke in strokes:
         cell, xy = recording.cell_around(stroke.path), stroke.path[:, 1:3]
         assert (xy > cell[:2] + half).all() and (xy < cell[2:] - half).all()

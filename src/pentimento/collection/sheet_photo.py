@@ -149,7 +149,7 @@ def _markers(frame: Picture, dictionary: str) -> dict[int, FloatArray]:
     """Corners [4, 2] (column, row) of the markers of a dictionary that a picture shows, by their ids."""
     grey = cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2GRAY)
     corners, ids, _ = marker_detector(dictionary).detectMarkers(grey)
-    if ids is None:
+    if len(corners) == 0:  # then ids is None
         return {}
     return {int(marker): np.asarray(at[0], dtype=np.float64) for marker, at in zip(ids.ravel(), corners, strict=True)}
 

@@ -182,8 +182,8 @@ def first_rows(table: Path) -> Picture:
         cv2.circle(drawn, [int(v) for v in np.round(path[0])], 5, (220, 140, 20), -1, cv2.LINE_AA)
         for column, picture in zip(columns.values(), (*pictures, drawn), strict=True):
             height, width = picture.shape[:2]
-            column.append(
-                cv2.copyMakeBorder(picture, 0, side - height, 0, side - width, cv2.BORDER_CONSTANT, value=(255,) * 3)
-            )
+            padded = np.full((side, side, 3), 255, np.uint8)
+            padded[:height, :width] = picture
+            column.append(padded)
     captions = [f"stroke {row['order'] + 1}, action {row['action_id']}" for row in rows]
     return side_by_side(columns, captions, (180, 180))
