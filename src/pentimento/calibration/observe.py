@@ -134,6 +134,13 @@ def window_in_camera(calibration: CameraCalibration, window_m: Sequence[float] |
     return np.concatenate((corners.min(axis=0), corners.max(axis=0)))
 
 
+def marker_detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+    """Finds the markers of a dictionary of `cv2.aruco`."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.perspectiveRemovePixelPerCell = 8  # by default 4, which misreads tilted and blurred markers
+    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)), parameters)
+
+
 def _homography(canvas_m: FloatArray, seen_px: FloatArray) -> FloatArray:
     """Homography [3, 3] from canvas points [N, 2] to pixels [N, 2], by least squares.
 
@@ -152,9 +159,7 @@ def _find_markers(frame: Image) -> tuple[NDArray[np.float32], list[tuple[int, Fl
     in sRGB a pixel half on black and half on white is nearer to white, which moves every corner a quarter of
     a pixel into its marker.
     """
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
-    detector = cv2.aruco.ArucoDetector(dictionary, cv2.aruco.DetectorParameters())
-    corners, ids, _ = detector.detectMarkers(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY))
+    corners, ids, _ = marker_detector(DICTIONARY).detectMarkers(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY))
     linear = cv2.LUT(frame, _linear_of_srgb().astype(np.float32))
     light = np.asarray(cv2.cvtColor(linear, cv2.COLOR_RGB2GRAY), dtype=np.float32)
     if len(corners) == 0:  # then ids is None

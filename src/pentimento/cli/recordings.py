@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 
 def _import(arguments: argparse.Namespace) -> None:
-    from pentimento.io.contact_sheet import SHEET, SHOWN
     from pentimento.io.pen_files import SUFFIXES
 
     if arguments.paths.is_dir():
@@ -27,13 +26,20 @@ def _import(arguments: argparse.Namespace) -> None:
         imported = _import_pen(arguments)
     else:
         imported = _import_csv(arguments)
-    print(f"{imported.rows} strokes are in {arguments.out}.")
+    print_imported(imported, arguments.out)
+    if arguments.hand is None:
+        print(f"What they hold: pentimento card {arguments.out}")
+
+
+def print_imported(imported: Imported, out: Path) -> None:
+    """Print how many strokes are in the table ``out``, which were refused and why, and where its contact sheet is."""
+    from pentimento.io.contact_sheet import SHEET, SHOWN
+
+    print(f"{imported.rows} strokes are in {out}.")
     for reason, strokes in imported.refused.items():
         print(f"Refused: {len(strokes)} × {reason} ({', '.join(strokes[:8])}{', …' if len(strokes) > 8 else ''}).")
     shown = f" (the first {SHOWN})" if imported.rows > SHOWN else ""
-    print(f"Look at them before anything is trained: {arguments.out / SHEET}{shown}")
-    if arguments.hand is None:
-        print(f"What they hold: pentimento card {arguments.out}")
+    print(f"Look at them before anything is trained: {out / SHEET}{shown}")
 
 
 def _import_csv(arguments: argparse.Namespace) -> Imported:

@@ -142,6 +142,53 @@ def design_collection(
     return commands
 
 
+def design_in_cells(
+    tool: Tool, cells_m: FloatArray, palette_srgb: FloatArray, config: CollectionConfig
+) -> list[Command]:
+    """``config.strokes`` commands in their order, sheet by sheet, each alone in a cell of its sheet.
+
+    Repeats of an action lie in the same cell of different sheets, freshly dipped. In a sheet the order of the cells is
+    random, so that wear and the paint that is left do not go with the place.
+
+    Args:
+        cells_m: [C, 4] windows of a sheet's cells, all of one size; paths are in their frame, ``config.edge_m`` inside.
+
+    Raises:
+        ContractError: no stroke of the tool fits in a cell, or the repeated actions need more cells than there are.
+    """
+    if config.repeated > len(cells_m):
+        raise ContractError(f"{config.repeated} repeated actions need a cell each, and a sheet has {len(cells_m)}.")
+    singles = config.strokes - config.repeated * config.times
+    sheets = max(math.ceil(config.strokes / len(cells_m)), config.times if config.repeated else 1)
+    width, height = cells_m[0, 2:] - cells_m[0, :2]
+    room, middle = _Room(tool, (float(width), float(height)), config, None), np.array([[0.0, width / 2, height / 2]])
+    chooser = np.random.default_rng([config.seed, 0, _ORDERED])
+    repeated_in = chooser.permutation(len(cells_m))[: config.repeated]
+    again = {
+        (int(sheet), int(cell)): singles + number
+        for number, cell in enumerate(repeated_in)
+        for sheet in chooser.permutation(sheets)[: config.times]
+    }
+    places = ((sheet, int(cell)) for sheet in range(sheets) for cell in chooser.permutation(len(cells_m)))
+    free = (place for place in places if place not in again)
+    action_at = again | {next(free): action for action in range(singles)}
+    commands: list[Command] = []
+    load = _Load(tool, palette_srgb, config.seed)
+    for sheet in range(sheets):
+        for cell in chooser.permutation(sorted(cell for where, cell in action_at if where == sheet)):
+            action = action_at[sheet, int(cell)]
+            rng = np.random.default_rng([config.seed, action])
+            # About the middle: anywhere in the cell, long strokes would hardly ever fit.
+            path = room.clear_path(rng, taken=(), about=middle) + np.array([0.0, *cells_m[cell, :2], 0.0, 0.0])
+            if action < singles:
+                color, dip = load.for_single(rng)
+            else:
+                color, dip = palette_srgb[rng.integers(len(palette_srgb))], tool.dips
+                load.refilled(color)
+            commands.append(Command(action, sheet, PlannedStroke(path, color, dip), 0.0))
+    return commands
+
+
 class _Load:
     """The tool's paint, and the number of strokes since it was dipped."""
 

@@ -114,9 +114,7 @@ def lay_band(
             continue
         describe_segments(points[s], radius[s], density[s], softness[s], segments)
         constant = is_constant(density[s]) and is_constant(softness[s])
-        r0, r1, evaluated = cover(
-            segments, constant, columns, rank, thickness, winner, left, right, top, width
-        )
+        r0, r1, evaluated = cover(segments, constant, columns, rank, thickness, winner, left, right, top, width)
         evaluations += evaluated
         needed = count + LANES
         for r in range(r0, r1):
