@@ -27,7 +27,7 @@ from pipelines.report import main as report
 VARIABLE = "PENTIMENTO_MEASURED"
 MEASURED = os.environ.get(VARIABLE)
 PIPELINE = read_yaml(ROOT / "profiles/measured/pipeline.yaml")
-TOOLS = ("big_brush", "sharpie")
+TOOLS = ("big_brush",)
 STROKES = 40
 
 
@@ -57,12 +57,10 @@ def test_a_profile_may_name_environment_variables(tmp_path: Path, monkeypatch: p
 
 
 def test_its_stages_are_those_of_the_default_pipeline() -> None:
-    """Commands, outputs and parameters: only code dependencies and the stages that the report shows differ."""
-    default, params = read_yaml(ROOT / "dvc.yaml")["stages"], read_yaml(ROOT / "params.yaml")
+    """Commands and outputs: only what the report shows differs."""
+    default = read_yaml(ROOT / "dvc.yaml")["stages"]
     for name, stage in PIPELINE["stages"].items():
         assert stage["outs"] == default[name]["outs"]
-        if name != "plan_painting":  # its planners are presets of the profile
-            assert stage["params"] == sections_of(name, params)
         if name != "report":
             assert stage["cmd"] == default[name]["cmd"]
 
@@ -72,12 +70,8 @@ def test_its_pipeline_and_its_settings_name_the_same_tools(monkeypatch: pytest.M
     params = overlaid(ROOT, "measured")
     (tools,) = (each["tools"] for each in PIPELINE["vars"] if "tools" in each)
     assert set(params["collect_strokes"]["source"]) == set(params["plan_painting"]["tools"]) == set(tools)
-    assert sections_of("plan_painting", params) == PIPELINE["stages"]["plan_painting"]["params"]
-    for tool in tools:
-        for stage in ("collect_strokes", "train_stroke_dynamics", "diagnose_gap", "plan_painting"):
-            outs = [out.replace("${item.tool}", tool) for out in PIPELINE["stages"][stage]["outs"]]
-            assert stage == "collect_strokes" or outs
-        assert f"data/plans/{tool}" in PIPELINE["stages"]["report"]["deps"]
+    for name, stage in PIPELINE["stages"].items():
+        assert stage["params"] == sections_of(name, params)
 
 
 @pytest.mark.parametrize("frame", ["stroke", "canvas"])
@@ -99,7 +93,7 @@ def test_on_the_canvas_a_model_of_strokes_in_their_own_frames_turns_with_the_str
 
 @pytest.mark.skipif(not MEASURED, reason=f"{VARIABLE} does not name a folder of recorded strokes")
 def test_from_recorded_strokes_to_the_report(stage_folder: Path) -> None:
-    """Every stage on a few strokes of a brush and of a pen, with few epochs."""
+    """Every stage on a few strokes of a brush, with few epochs."""
     params = resolved(overlaid(ROOT, "measured"))
     for tool in TOOLS:
         table = read_table(Path(params["collect_strokes"]["source"][tool]), CONTRACT).table.slice(0, STROKES)
@@ -123,7 +117,7 @@ def test_from_recorded_strokes_to_the_report(stage_folder: Path) -> None:
             assert (np.abs(stroke.path[:, 1:3] - half_sheet) <= half_sheet).all()
     report(_arguments("report", tools=[*TOOLS], planned=[*TOOLS]))
     page = Path("data/report/index.html").read_text()
-    for words in ("What the recorded tools do", "leave open, and why", "Nobody has executed this plan", "big brush"):
+    for words in ("What the recorded tools do", "cannot decide, and why", "Nobody has executed this plan", "big brush"):
         assert words in page
     assert "speed_width" in page and "the paths have no times" in page
     assert str(MEASURED) not in page and "Co-painting" not in page and "Sculpting" not in page

@@ -104,8 +104,9 @@ def _findings(verdict: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _meaning(cause: str) -> str:
-    """What a cause is: the first line of the module that implements it."""
-    return (inspect.getdoc(sys.modules[_KINDS[cause].__module__]) or "").partition("\n")[0]
+    """What a cause is: the first line of the module that implements it, without references to the thesis."""
+    line = (inspect.getdoc(sys.modules[_KINDS[cause].__module__]) or "").partition("\n")[0]
+    return re.sub(r" \(the thesis.*?\)", "", line)
 
 
 def _sizes(entry: dict[str, Any]) -> list[str]:
