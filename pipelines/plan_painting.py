@@ -1,4 +1,4 @@
-"""Plan a painting with the model of a tool whose strokes were recorded. Nothing is executed: no robot holds the tool."""
+"""Plan a painting with the model of a tool whose strokes were recorded; nothing is executed."""
 
 import argparse
 import sys

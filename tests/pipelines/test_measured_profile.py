@@ -76,7 +76,7 @@ def test_its_pipeline_and_its_settings_name_the_same_tools(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("frame", ["stroke", "canvas"])
 def test_on_the_canvas_a_model_of_strokes_in_their_own_frames_turns_with_the_stroke(frame: str) -> None:
-    """A commanded path and the same path turned by 50 degrees: so is the mark, unless x and y are those of the canvas."""
+    """Turn a commanded path by 50 degrees: the mark turns with it, unless x and y are those of the canvas."""
     import torch
 
     model = base_model(Traj2StrokeParameters((0.8, 1.1), (0.002, -0.001), 0.5, 0.001, 1.0, 0.9))
