@@ -50,12 +50,7 @@ def test_section_has_the_verdict_and_figures_of_each_tool(folder: Path) -> None:
     html = diagnoses_section([read_diagnosis("round_brush", folder), read_diagnosis("marker", folder)], album)
     assert read(html).open == []
     assert "The round brush" in html and "The marker" in html
-    assert (
-        "Errors &amp; more" in html
-        and "93\u00a0%" in html
-        and "established (1.00)" in html
-        and "−0.31" in html
-    )
+    assert "Errors &amp; more" in html and "93\u00a0%" in html and "established (1.00)" in html and "−0.31" in html
     assert set(album.files) == {
         f"gap_{t}_{n}.png" for t in ("round_brush", "marker") for n in ("leave_one_out", "strokes")
     }
@@ -101,5 +96,7 @@ def test_what_to_record_next_is_counted_by_question(folder: Path) -> None:
     found = read_diagnosis("big_brush", folder, recorded=True)
     assert found.proposed == {"bristle_lag | latency": 3, "bristle_lag": 1}
     html = diagnoses_section([found], Album())
-    assert "3 strokes of <code>data/gap/big_brush/next_actions.parquet</code>, which tell bristle_lag from latency" in html
+    assert (
+        "3 strokes of <code>data/gap/big_brush/next_actions.parquet</code>, which tell bristle_lag from latency" in html
+    )
     assert "1 stroke of" in html and "which measure bristle_lag more exactly" in html
