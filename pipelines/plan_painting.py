@@ -2,11 +2,10 @@
 
 import argparse
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 
 from pentimento.contracts.colour import linear_to_srgb, to_uint8
 from pentimento.contracts.covariates import fresh_memory
@@ -25,7 +24,8 @@ from pentimento.control.painter import (
     predict_canvas,
 )
 from pentimento.control.safety import envelope_for
-from pentimento.dynamics.strokes.extended import StrokeModel, read_stroke_model
+from pentimento.dynamics.strokes.extended import read_stroke_model
+from pentimento.dynamics.strokes.own_frame import for_the_canvas
 from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.memory import Start, beyond_fit, planned_covariates
@@ -79,7 +79,9 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         tool, planner = load_tool(setting.file), setting.planner
-        model = for_the_canvas(read_stroke_model(arguments.model), read_table(arguments.strokes, CONTRACT).table)
+        model, recorded = read_stroke_model(arguments.model), read_table(arguments.strokes, CONTRACT).table
+        if "frame" in recorded.column_names and "stroke" in recorded.column("frame").to_pylist():
+            model = for_the_canvas(model)
         brush = TorchBrush(model, tool, planner.path_points)
         context = PaintContext(tool, brush, setting.canvas_m, planner)
         start = Start(fresh_memory(setting.canvas_m, tool.nominal_width_m), clock_s=0.0, made=0)
@@ -114,19 +116,6 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
         run.log_picture(out / "plan.png")
-
-
-def for_the_canvas(model: StrokeModel, strokes: pa.Table) -> StrokeModel:
-    """Return the model for strokes of any heading on the canvas.
-
-    The base's scale and shift are on the axes of the recording. Where each stroke has its own frame, x is along the
-    stroke: on the canvas the scale along the stroke then counts for both axes, and the shift, which would turn with the
-    stroke, is left out.
-    """
-    if "frame" not in strokes.column_names or "stroke" not in strokes.column("frame").to_pylist():
-        return model
-    along = model.parameters.scale[0]
-    return replace(model, parameters=replace(model.parameters, scale=(along, along), offset_m=(0.0, 0.0)))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from ruamel.yaml import YAML
 
@@ -16,12 +15,10 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.plan import read_plan
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
-from pentimento.dynamics.strokes.extended import base_model
-from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pipelines._config import load_section
 from pipelines._imports import ROOT
 from pipelines._params import overlaid, read_params, read_yaml, resolved, sections_of
-from pipelines.plan_painting import PlanPainting, for_the_canvas
+from pipelines.plan_painting import PlanPainting
 from pipelines.report import main as report
 
 VARIABLE = "PENTIMENTO_MEASURED"
@@ -74,24 +71,8 @@ def test_its_pipeline_and_its_settings_name_the_same_tools(monkeypatch: pytest.M
         assert stage["params"] == sections_of(name, params)
 
 
-@pytest.mark.parametrize("frame", ["stroke", "canvas"])
-def test_on_the_canvas_a_model_of_strokes_in_their_own_frames_turns_with_the_stroke(frame: str) -> None:
-    """Turn a commanded path by 50 degrees: the mark turns with it, unless x and y are those of the canvas."""
-    import torch
-
-    model = base_model(Traj2StrokeParameters((0.8, 1.1), (0.002, -0.001), 0.5, 0.001, 1.0, 0.9))
-    model = for_the_canvas(model, pa.table({"frame": [frame]}))
-    angle = np.deg2rad(50)
-    turn = torch.tensor([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]], dtype=torch.float32)
-    path = torch.zeros(1, 8, 5)
-    path[0, :, 1], path[0, :, 2] = torch.linspace(0, 0.03, 8), torch.linspace(0, 0.1, 8).square()
-    turned = path.clone()
-    turned[..., 1:3] = path[..., 1:3] @ turn.T
-    marks = [model.mark()(each).points_m for each in (path, turned)]
-    assert torch.allclose(marks[0] @ turn.T, marks[1], atol=1e-6) == (frame == "stroke")
-
-
 @pytest.mark.skipif(not MEASURED, reason=f"{VARIABLE} does not name a folder of recorded strokes")
+@pytest.mark.timeout(600)
 def test_from_recorded_strokes_to_the_report(stage_folder: Path) -> None:
     """Every stage on a few strokes of a brush, with few epochs."""
     params = resolved(overlaid(ROOT, "measured"))
