@@ -80,7 +80,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _is_recorded(strokes: Path) -> bool:
-    """Whether the strokes in a folder of the stage collect_strokes were recorded elsewhere."""
+    """Whether the strokes in a folder of the stage collect_strokes come from a recorded table."""
     return bool(read_json(strokes / "metrics.json").get("recorded", False))
 
 

@@ -37,7 +37,7 @@ class DiagnosisInputs:
     proposed: Mapping[str, int] = field(default_factory=dict)
     """Number of proposed strokes by what they inform about: a cause, or several joined by " | "."""
     recorded: bool = False
-    """Whether the strokes were recorded elsewhere, and not made by the robot in the studio."""
+    """Whether the strokes come from a recorded table, and not from the robot in the studio."""
 
 
 def read_diagnosis(tool: str, folder: Path, *, recorded: bool = False) -> DiagnosisInputs:
