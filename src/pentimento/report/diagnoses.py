@@ -97,7 +97,7 @@ def _values(inputs: DiagnosisInputs) -> dict[str, Any]:
 def _findings(verdict: dict[str, Any]) -> list[dict[str, Any]]:
     """The established and the suspected causes, for one sentence each."""
     return [
-        entry | {"status": status, "meaning": _meaning(entry["cause"]).rstrip("."), "sizes": ", ".join(_sizes(entry))}
+        entry | {"status": status, "meaning": _meaning(entry["cause"]).rstrip("."), "sizes": _sizes_in_words(entry)}
         for status in ("established", "suspected")
         for entry in verdict[status]
     ]
@@ -107,6 +107,12 @@ def _meaning(cause: str) -> str:
     """What a cause is: the first line of the module that implements it, without references to the thesis."""
     line = (inspect.getdoc(sys.modules[_KINDS[cause].__module__]) or "").partition("\n")[0]
     return re.sub(r" \(the thesis.*?\)", "", line)
+
+
+def _sizes_in_words(entry: dict[str, Any]) -> str:
+    """The quantities of a cause that differ from 0."""
+    sizes = _sizes(entry)
+    return ", ".join([each for each in sizes if not each.endswith(" 0")] or sizes)
 
 
 def _sizes(entry: dict[str, Any]) -> list[str]:
