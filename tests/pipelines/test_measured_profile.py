@@ -112,13 +112,12 @@ def _run(tool: str) -> None:
 def _arguments(stage: str, **values: Any) -> argparse.Namespace:
     """The options of a stage in the profile's pipeline, with these values; those that it does not use are empty."""
     words = PIPELINE["stages"][stage]["cmd"].replace("${item.tool}", str(values.get("tool"))).split()[3:]
-    paths = dict(zip(words[::2], words[1::2], strict=False)) if stage != "report" else {}
+    words = [word for word in words if word != "${reported}"]
     if stage == "report":
-        words.remove("${reported}")
-        paths = dict(zip(words[::2], words[1::2], strict=True))
         none = ("paintings", "meanings", "evaluations", "performances", "sculptures", "hands", "subjects")
         values |= dict.fromkeys((*none, "demonstrations", "benchmarks"))
         values |= {name: [] for name in ("settings", "evaluated", "drawn", "sculpted")}
+    paths = dict(zip(words[::2], words[1::2], strict=True))
     return argparse.Namespace(**{name.removeprefix("--"): Path(path) for name, path in paths.items()} | values)
 
 
