@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from markupsafe import Markup
 
 from pentimento.contracts.errors import ContractError
+from pentimento.diagnosis.problem import Quantity
 from pentimento.diagnosis.verdict import NEXT_ACTIONS, VERDICT, size
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.report.html import Album, bar
@@ -119,7 +120,7 @@ def _sizes(entry: dict[str, Any]) -> list[str]:
     """The quantities of a cause with standard errors and units."""
     found = entry["parameters"]
     return [
-        size(quantity, found[quantity.name]["value"], found[quantity.name]["se"])
+        size(Quantity(*quantity), found[quantity.name]["value"], found[quantity.name]["se"])
         for quantity in _KINDS[entry["cause"]].quantities
         if quantity.name in found
     ]
