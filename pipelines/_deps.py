@@ -1,4 +1,4 @@
-"""`make deps`: write into dvc.yaml what follows from other files.
+"""`make deps`: write into dvc.yaml, and into the pipelines of profiles, what follows from other files.
 
     python -m pipelines._deps
 
@@ -19,7 +19,7 @@ from ruamel.yaml import YAML
 from pentimento.cli.pipeline_files import with_listed_paths
 from pentimento.contracts.atomic import atomic_write
 from pipelines._imports import PACKAGE_DATA, ROOT, has_code, needed_files
-from pipelines._params import Params, files_named_by, read_yaml, sections_of
+from pipelines._params import Params, files_named_by, merge, read_yaml, sections_of
 
 CODE = ("src/", "pipelines/")
 _STAGE = re.compile(r"  (\w+):$")
@@ -101,10 +101,20 @@ def with_dependencies(text: str, params: Params) -> str:
     return with_named_files(with_listed_paths("\n".join(lines) + "\n"), params, ROOT)
 
 
+def pipelines() -> dict[Path, Params]:
+    """Return dvc.yaml and the pipeline.yaml of each profile that has one, with its params.yaml, presets unresolved."""
+    params = read_yaml(ROOT / "params.yaml")
+    found = {ROOT / "dvc.yaml": params}
+    for file in sorted((ROOT / "profiles").glob("*/pipeline.yaml")):
+        profile = file.parent.with_suffix(".yaml")
+        found[file] = merge(params, read_yaml(profile), profile.relative_to(ROOT))
+    return found
+
+
 def main() -> None:
-    file = ROOT / "dvc.yaml"
-    text = with_dependencies(file.read_text(encoding="utf-8"), read_yaml(ROOT / "params.yaml"))
-    file.write_text(text, encoding="utf-8")
+    for file, params in pipelines().items():
+        text = with_dependencies(file.read_text(encoding="utf-8"), params)
+        file.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

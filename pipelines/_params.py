@@ -9,6 +9,7 @@ Sections that no stage has hold nothing but presets. A stage lists those that it
 """
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from pentimento.contracts.errors import ConfigError
 
 PRESET = "preset"
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
 _LONGEST_PATH = 1000
 Params = dict[str, Any]
 
@@ -93,12 +95,35 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def overlaid(root: Path, profile: str) -> Params:
-    """Return params.yaml in `root` overlaid by `profiles/<profile>.yaml`; presets stay references."""
+    """Return params.yaml in `root` overlaid by `profiles/<profile>.yaml`; presets stay references.
+
+    `${NAME}` in a text of the profile stands for the environment variable NAME; `ConfigError` where it is not set.
+    """
     source = root / "profiles" / f"{profile}.yaml"
     if not source.is_file():
         known = ", ".join(sorted(file.stem for file in source.parent.glob("*.yaml")))
         raise ConfigError(f"there is no profile {profile!r}; known are {known}.")
-    return merge(read_yaml(root / "params.yaml"), read_yaml(source), source.relative_to(root))
+    place = source.relative_to(root)
+    return merge(read_yaml(root / "params.yaml"), _with_environment(read_yaml(source), place), place)
+
+
+def _with_environment(value: Any, source: Path) -> Any:
+    """Return a value of a profile with the environment variables that its texts name."""
+    if isinstance(value, dict):
+        return {key: _with_environment(entry, source) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_with_environment(entry, source) for entry in value]
+    return _VARIABLE.sub(lambda name: _variable(name[1], source), value) if isinstance(value, str) else value
+
+
+def _variable(name: str, source: Path) -> str:
+    found = os.environ.get(name)
+    if not found:
+        raise ConfigError(
+            f"set the environment variable {name} to the folder of your recordings; the first lines of {source} say "
+            "what it must hold."
+        )
+    return found
 
 
 def merge(base: Params, over: Params, source: Path) -> Params:

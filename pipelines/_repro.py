@@ -3,7 +3,8 @@
     python -m pipelines._repro [PROFILE]
 
 A profile (`profiles/<name>.yaml`) overlays params.yaml. It runs in `.profiles/<name>/`, a copy of the files that git
-tracks or would add, with the same DVC cache and MLflow store, so that the working tree stays clean.
+tracks or would add, with the same DVC cache and MLflow store, so that the working tree stays clean. Where there is a
+`profiles/<name>/pipeline.yaml`, its stages run in place of those of dvc.yaml.
 """
 
 import filecmp
@@ -115,6 +116,8 @@ def overlay(root: Path, profile: str) -> Path:
     params = overlaid(root, profile)
     folder = root / ".profiles" / profile
     _copy_changed(root, folder)
+    if (own := root / "profiles" / profile / "pipeline.yaml").is_file():
+        shutil.copy2(own, folder / "dvc.yaml")
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(params, file)
     # The copy is no git repository. The cache is shared, so that a stage runs once for both.

@@ -62,7 +62,7 @@ def main(arguments: argparse.Namespace) -> None:
         tracked_run("collect_strokes", arguments.tool, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
     ):
-        metrics: dict[str, Any] = {"quarantined": 0}
+        metrics: dict[str, Any] = {"quarantined": 0, "recorded": source is not None}
         if source is None:
             writer = None if hand is None else read_decoder(Path(hand))
             table, metrics["largest_aliasing"] = _collect(arguments.tool, world, config.collection, writer, run)

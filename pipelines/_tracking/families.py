@@ -8,7 +8,7 @@ from typing import Any
 
 FAMILIES = {
     "strokes": ("collect_strokes", "train_stroke_dynamics", "diagnose_gap"),
-    "painting": ("paint", "paint_by_meaning"),
+    "painting": ("paint", "paint_by_meaning", "plan_painting"),
     "co-painting": (
         "build_scenes",
         "train_semantics",
@@ -38,6 +38,7 @@ HEADLINES = {
     "train_stroke_dynamics": Headline("held_out.model.mse", "held_out.polyline.mse"),
     "diagnose_gap": Headline("held_out.extended.mse", "held_out.base.mse"),
     "paint": Headline("error.with_replanning", "error.without_replanning"),
+    "plan_painting": Headline("error.plan", "error.blank"),
     "train_semantics": Headline("main.picture.objects.recognised", "main.picture.objects.chance"),
     "pretrain_goal_planner": Headline("held_out.mse", "held_out.mse_of_copying"),
     "finetune_goal_planner": Headline("held_out.fine_tuned.mse", "held_out.fine_tuned.mse_of_copying"),

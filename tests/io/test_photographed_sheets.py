@@ -25,7 +25,6 @@ from pentimento.contracts.images import decode_image, read_image
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.io.photo_pairs import read_paths
-from pentimento.io.photographed_sheets import FIRST_ROWS
 from pentimento.robots.tools import load_tool
 from studies.phone_recording import draw_phone, measure, painted, photograph, seen_at
 
@@ -86,7 +85,7 @@ def test_read_writes_the_painted_strokes_and_counts_the_others(
     rows = read_table(tmp_path / "table", CONTRACT).table.to_pylist()
     assert [row["order"] for row in rows] == list(range(MISSED, 12))
     assert {row["tool"] for row in rows} == {"marker"} and {row["medium"] for row in rows} == {"ink"}
-    assert (photographed.folder / FIRST_ROWS).is_file()
+    assert (photographed.table / SHEET).is_file()
 
 
 def test_guide_lines_are_no_paint(

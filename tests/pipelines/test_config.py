@@ -245,7 +245,10 @@ def section_type(stage: str) -> Any:
 
 
 @pytest.mark.parametrize("profile", sorted(file.stem for file in Path("profiles").glob("*.yaml")))
-def test_every_stage_understands_its_section_under_every_profile(profile: str, tmp_path: Path) -> None:
+def test_every_stage_understands_its_section_under_every_profile(
+    profile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PENTIMENTO_MEASURED", "/recordings")
     assert set(sections(profile, tmp_path)) == set(STAGES)
 
 

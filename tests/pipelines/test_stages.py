@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pipelines._deps import CODE, with_dependencies
+from pipelines._deps import CODE, pipelines, with_dependencies
 from pipelines._imports import ROOT
 from pipelines._params import files_named_by, read_yaml, sections_of
 
@@ -27,8 +27,9 @@ def test_stage_module_and_params_section_bear_one_name() -> None:
 
 
 def test_written_dependencies_are_up_to_date() -> None:
-    text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-    assert text == with_dependencies(text, PARAMS), "the dependencies in dvc.yaml are stale; run `make deps`"
+    for file, params in pipelines().items():
+        text = file.read_text(encoding="utf-8")
+        assert text == with_dependencies(text, params), f"the dependencies in {file} are stale; run `make deps`"
 
 
 @pytest.mark.parametrize("stage", STAGES)

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from pentimento.contracts.errors import ContractError
@@ -30,7 +32,7 @@ VERDICT: dict[str, Any] = {
     "gap_closed": {"test": 0.94, "ci": [0.9, 0.98], "shifted": None},
     "unexplained": [],
     "floor_reached": True,
-    "text": "Established: ink_depletion & nothing else.",
+    "text": "Established: ink_depletion.\nErrors & more.\nNot decided, because no times are known: latency.",
 }  # fmt: skip
 
 
@@ -48,12 +50,7 @@ def test_section_has_the_verdict_and_figures_of_each_tool(folder: Path) -> None:
     html = diagnoses_section([read_diagnosis("round_brush", folder), read_diagnosis("marker", folder)], album)
     assert read(html).open == []
     assert "The round brush" in html and "The marker" in html
-    assert (
-        "ink_depletion &amp; nothing else" in html
-        and "93\u00a0%" in html
-        and "established (1.00)" in html
-        and "−0.31" in html
-    )
+    assert "Errors &amp; more" in html and "93\u00a0%" in html and "established (1.00)" in html and "−0.31" in html
     assert set(album.files) == {
         f"gap_{t}_{n}.png" for t in ("round_brush", "marker") for n in ("leave_one_out", "strokes")
     }
@@ -80,3 +77,26 @@ def test_missing_verdict_or_other_schema_is_an_error(folder: Path, tmp_path: Pat
     (folder / "verdict.json").write_text(json.dumps(VERDICT | {"schema": 1}))
     with pytest.raises(ContractError, match="schema 1"):
         read_diagnosis("marker", folder)
+
+
+def test_each_line_of_the_verdict_is_on_the_page_once_and_findings_are_sentences() -> None:
+    html = diagnoses_section([DiagnosisInputs("big_brush", VERDICT, {}, recorded=True)], Album())
+    assert read(html).open == []
+    assert 'id="recorded"' in html and "What the recorded tools do" in html
+    assert html.count("Not decided, because no times are known: latency.") == html.count("Errors &amp; more.") == 1
+    assert "Established: ink_depletion" not in html
+    assert "<b>Coverage and width fall with the length drawn since the last dip</b>: density_loss −0.31 ± 0.02" in html
+    assert html.index("Errors &amp; more") < html.index("cannot decide, and why") < html.index("Not decided")
+    assert "<dt>latency</dt>" in html and "Some strokes several times" not in html
+
+
+def test_what_to_record_next_is_counted_by_question(folder: Path) -> None:
+    questions = ["bristle_lag | latency"] * 3 + ["bristle_lag"]
+    pq.write_table(pa.table({"separates": questions}), folder / "next_actions.parquet")
+    found = read_diagnosis("big_brush", folder, recorded=True)
+    assert found.proposed == {"bristle_lag | latency": 3, "bristle_lag": 1}
+    html = diagnoses_section([found], Album())
+    assert (
+        "3 strokes of <code>data/gap/big_brush/next_actions.parquet</code>, which tell bristle_lag from latency" in html
+    )
+    assert "1 stroke of" in html and "which measure bristle_lag more exactly" in html

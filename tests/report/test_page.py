@@ -12,6 +12,7 @@ from pentimento.report.handwriting import read_handwriting
 from pentimento.report.page import ReportConfig, ReportInputs, build_report
 from pentimento.report.paintings import PaintingInputs
 from pentimento.report.performances import read_performances
+from pentimento.report.plans import read_painting_plan
 from pentimento.report.sculpting import read_sculpture
 from pentimento.report.tools import ToolInputs
 from tests.report.conftest import PICTURES
@@ -118,6 +119,23 @@ def test_optional_sections_are_on_the_page_and_linked_only_with_inputs(
     for target in ("gap", "hands", "sculpting-foam", "runner"):
         for text in (f'<a href="#{target}">', f'<section id="{target}">'):
             assert text in with_all and text not in page
+
+
+def test_recorded_tools_without_a_painting_open_the_page(inputs: ReportInputs, tmp_path: Path) -> None:
+    from tests.report.test_diagnoses import VERDICT
+    from tests.report.test_plans import write as write_plan
+
+    found = [DiagnosisInputs("round_brush", VERDICT, {}, recorded=True)]
+    plans = [read_painting_plan("round_brush", write_plan(tmp_path))]
+    recorded = replace(inputs, paintings=[], benchmarks=None, diagnoses=found, plans=plans)
+    page = build_report(recorded, CONFIG)["index.html"].decode()
+    reader = read(page)
+    assert reader.open == []
+    ids = {attrs["id"] for _, attrs in reader.tags if "id" in attrs}
+    links = {str(attrs["href"]) for tag, attrs in reader.tags if tag == "a" and str(attrs["href"]).startswith("#")}
+    assert {link.removeprefix("#") for link in links} <= ids
+    assert {"#recorded", "#plan-round_brush"} <= links and "#gap" not in links and "#speed" not in links
+    assert page.index('id="recorded"') < page.index('id="plan-round_brush"') < page.index('id="tools"')
 
 
 def test_page_has_no_dates_paths_or_run_ids(page: str) -> None:

@@ -86,3 +86,9 @@ def test_section_states_where_the_model_is_worse_than_the_polyline(tool: ToolInp
     text = section(replace(tool, scores=tool.scores | {"held_out": swapped}))
     assert "0.200 lower than the polyline’s" in text and "2.50 times larger than the polyline’s" in text
     assert "violated" not in text
+
+
+def test_parameters_of_strokes_in_their_own_frames_speak_of_the_stroke() -> None:
+    text = " ".join(cell for row in parameter_rows(MODEL, own_frame=True) for cell in row)
+    assert "along its direction (x) is 49.0 mm long" in text and "0.30 mm ahead of the commanded" in text
+    assert "sideways (y)" in text and "0.20 mm to the right of the commanded" in text and "canvas (x)" not in text

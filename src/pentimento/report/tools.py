@@ -65,6 +65,8 @@ class ToolInputs:
     """Rows: `training`, `held_out`, `quarantined`."""
     epochs: list[float]
     weighted_l1: list[float]
+    own_frame: bool = False
+    """Whether each path was recorded in its stroke's own frame: x along the stroke, y to its left."""
 
 
 def read_tool(name: str, strokes: Path, weights: Path, config: StrokePictures) -> ToolInputs:
@@ -97,6 +99,7 @@ def read_tool(name: str, strokes: Path, weights: Path, config: StrokePictures) -
             counts={part: metrics["strokes"][part] for part in ("training", "held_out", "quarantined")},
             epochs=curve["epoch"],
             weighted_l1=curve["weighted_l1"],
+            own_frame="frame" in table.column_names and "stroke" in table.column("frame").to_pylist(),
         )
     except (KeyError, TypeError) as error:
         raise incomplete(weights, error, "train_stroke_dynamics") from error
@@ -113,7 +116,7 @@ def tool_section(inputs: ToolInputs, shown: int, album: Album) -> Markup:
         shown=len(strokes),
         sheet=draw_sheet(strokes),
         gap=comparison(polyline.mse / model.mse, "smaller", "larger") if model.mse > 0 else "0, smaller than",
-        parameter_rows=parameter_rows(inputs.model),
+        parameter_rows=parameter_rows(inputs.model, own_frame=inputs.own_frame),
         width_mm=2 * inputs.polyline.thickness_at_contact_m * _MM,
         crisp_width_mm=2 * inputs.crisp.thickness_at_contact_m * _MM,
         score_rows=[_score_row(inputs, model, name) for model, name in _NAMES.items()],
@@ -123,8 +126,14 @@ def tool_section(inputs: ToolInputs, shown: int, album: Album) -> Markup:
     )
 
 
-def parameter_rows(parameters: Traj2StrokeParameters) -> list[tuple[str, ...]]:
-    """Symbol, name, value with its unit and meaning of the parameters of Traj2Stroke (thesis 5.3.4)."""
+def parameter_rows(parameters: Traj2StrokeParameters, *, own_frame: bool = False) -> list[tuple[str, ...]]:
+    """Symbol, name, value with its unit and meaning of the parameters of Traj2Stroke (thesis 5.3.4).
+
+    With ``own_frame``, x and y are those of each stroke.
+    """
+    along = ("along its direction (x)", "sideways (y)") if own_frame else ("across the canvas (x)", "up the canvas (y)")
+    sides = (("ahead of", "behind"), ("to the left of", "to the right of"))
+    sides = sides if own_frame else (("to the right of", "to the left of"), ("above", "below"))
     (m_x, m_y), (b_x, b_y) = parameters.scale, parameters.offset_m
     alpha, beta_mm = parameters.thickness_per_press, parameters.thickness_at_contact_m * _MM
     opacity = (
@@ -132,10 +141,10 @@ def parameter_rows(parameters: Traj2StrokeParameters) -> list[tuple[str, ...]]:
         f"{percent(1.0)}."
     )
     rows = (
-        ("<i>m</i><sub>x</sub>", "scale along x", f"{m_x:.3f}", _scaled(m_x, "across the canvas (x)")),
-        ("<i>m</i><sub>y</sub>", "scale along y", f"{m_y:.3f}", _scaled(m_y, "up the canvas (y)")),
-        ("<i>b</i><sub>x</sub>", "shift along x", signed_mm(b_x), _shifted(b_x, "right", "left")),
-        ("<i>b</i><sub>y</sub>", "shift along y", signed_mm(b_y), _shifted(b_y, "above", "below")),
+        ("<i>m</i><sub>x</sub>", "scale along x", f"{m_x:.3f}", _scaled(m_x, along[0])),
+        ("<i>m</i><sub>y</sub>", "scale along y", f"{m_y:.3f}", _scaled(m_y, along[1])),
+        ("<i>b</i><sub>x</sub>", "shift along x", signed_mm(b_x), _shifted(b_x, *sides[0])),
+        ("<i>b</i><sub>y</sub>", "shift along y", signed_mm(b_y), _shifted(b_y, *sides[1])),
         ("<i>α</i>", "thickness per press", f"{alpha:.3f}\u00a0mm/mm", _pressed(alpha)),
         ("<i>β</i>", "thickness at contact", f"{beta_mm:.2f} mm".replace("-", "−"), _touched(alpha, beta_mm)),
         ("<i>c</i>", "softness", f"{parameters.softness:.3f}", _soft(parameters.softness)),
@@ -157,7 +166,6 @@ def _shifted(shift_m: float, positive: str, negative: str) -> str:
     if abs(shift_m) * _MM < 0.005:
         return "The mark has the commanded position."
     side = positive if shift_m > 0 else negative
-    side = f"to the {side} of" if side in ("right", "left") else side
     return f"The mark lies {abs(shift_m) * _MM:.2f} mm {side} the commanded position."
 
 
