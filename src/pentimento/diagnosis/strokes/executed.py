@@ -19,7 +19,7 @@ from pentimento.contracts.schema import PATH
 Array = NDArray[Any]
 
 _DEGREE = 6
-"""Of the polynomial in time that a stroke's following error is smoothed by, in each axis."""
+"""Of the polynomial in time by which a stroke's deviation from its delayed command is smoothed, in each axis."""
 _POINTS_PER_COEFFICIENT = 4
 _HALF_STEP_S = 0.004
 """Of the finite difference that gives the commanded velocity."""
@@ -27,7 +27,7 @@ _ITERATIONS = 30
 _CONVERGED_S = 1e-7
 _USUAL_SCALE = 0.1
 _USUAL_OFFSET_M = 0.005
-"""Prior scales that hold scale and offset of the measured path where headings do not tell them from a delay."""
+"""Prior scales of the measured path's scale and offset, for strokes of one heading, which leave some of them open."""
 _SURE_Z = 3.0
 _SHORTEST_S = 5e-4
 """Delay below which a robot counts as prompt."""
@@ -77,7 +77,7 @@ def executed(table: pa.Table) -> Executed:
     following = None
     if measured is not None and all(np.isfinite(path[:, 0]).all() for path in paths):
         following = following_of(paths, measured, np.asarray(table["action_id"].to_pylist()))
-        paths = [followed(*pair) for pair in zip(paths, measured, strict=True)]
+        paths = [followed(*pair, following.delay_s) for pair in zip(paths, measured, strict=True)]
     press = _press_by_force(table, paths)
     if press is not None:
         for path, press_m in zip(paths, press, strict=True):
@@ -93,14 +93,14 @@ def measures_paths(table: pa.Table) -> bool:
     return _timed_paths(table) is not None
 
 
-def followed(command: Array, measured: Array) -> Array:
+def followed(command: Array, measured: Array, delay_s: float) -> Array:
     """A measured path without its noise, float64[M, 5] at the measured times, with the command's yaw.
 
-    Only the deviation from the command is smoothed, so that the path keeps the command's bends.
+    Only the deviation from the delayed command is smoothed, so that the path keeps the command's bends.
     """
-    t_s = measured[:, 0]
+    t_s, then_s = measured[:, 0], measured[:, 0] - delay_s
     wanted = np.column_stack([command[:, 1:4], np.unwrap(command[:, 4])])
-    path = np.column_stack([t_s, *(np.interp(t_s, command[:, 0], column) for column in wanted.T)])
+    path = np.column_stack([t_s, *(np.interp(then_s, command[:, 0], column) for column in wanted.T)])
     degree = min(_DEGREE, len(t_s) // _POINTS_PER_COEFFICIENT)
     for axis in (1, 2, 3):
         path[:, axis] += Legendre.fit(t_s, measured[:, axis] - path[:, axis], degree)(t_s)
@@ -133,7 +133,7 @@ def following_of(commands: Sequence[Array], measured: Sequence[Array], action: A
     by_action = np.zeros((group.max() + 1, 5))
     np.add.at(by_action, group, slopes)
     clustered = inverse @ (by_action.T @ by_action) @ inverse
-    # Where headings do not tell a delay from an offset, only the prior's share shows how little is known.
+    # Few actions make the clustered error too small.
     return Following(float(numbers[0]), float(np.sqrt(max(clustered[0, 0], variance * inverse[0, 0]))))
 
 

@@ -87,8 +87,8 @@ class Measured:
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
             self, samples=self.samples.pick(index), command=self.command[index], covariates=kept,
-            paint=self.paint[rows], block=self.block[rows], turn=self.turn[rows], painted=self.painted[rows], weight=self.weight[rows],
-            residual_prediction=self.residual_prediction[rows],
+            paint=self.paint[rows], block=self.block[rows], turn=self.turn[rows], painted=self.painted[rows],
+            weight=self.weight[rows], residual_prediction=self.residual_prediction[rows],
         )  # fmt: skip
 
 
