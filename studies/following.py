@@ -2,16 +2,16 @@
 
 Worlds of the virtual studio hide a following error of the robot, a lag of the bristles, both or neither, in turn. Each
 table of 56 strokes is diagnosed twice: with the robot's measured paths and without. A world is right if both answers
-are: the robot is late or not, the bristles lag or not. Every world's line is appended to FILE, and worlds with a line
-are not made again.
+are: the robot is late or not, the bristles lag or not. Each diagnosis's line is appended to FILE and not made again.
 """
 
 import argparse
+import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -35,6 +35,8 @@ SHEETS = (0, 2)
 STRENGTHS = {"latency": (0.2, 1.0), "bristle_lag": (0.08, 0.6)}
 """Log-uniform: delays of 12 to 60 ms, trails of 0.5 to 5 mm at high press."""
 
+Way = Literal["measured", "commanded"]
+WAYS: tuple[Way, ...] = ("measured", "commanded")
 Line = dict[str, Any]
 
 
@@ -54,32 +56,32 @@ def world_table(number: int) -> tuple[dict[str, float], pa.Table]:
     return strengths, pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
 
 
-def named(table: pa.Table) -> Line:
-    """Causes that the diagnosis of a table establishes; a measured delay counts as latency."""
-    measured = load_measured(table)
+def line_of(number: int, way: Way) -> Line:
+    """The causes that the diagnosis of a world's table establishes; a measured delay counts as latency."""
+    hidden, table = world_table(number)
+    measured = load_measured(table if way == "measured" else table.drop_columns(["measured_path"]))
     result = diagnose(stroke_problem(measured, VOCABULARY, 0), seed=0, log=lambda line: None)
-    causes = [finding.cause for finding in result.established]
-    following = measured.following
-    if following is None:
-        return {"causes": causes}
-    return {"causes": [*(["latency"] if following.late else []), *causes], "delay_s": following.delay_s}
+    late = ["latency"] if measured.following is not None and measured.following.late else []
+    causes = [*late, *(finding.cause for finding in result.established)]
+    delay_s = None if measured.following is None else measured.following.delay_s
+    return {"world": number, "way": way, "hidden": hidden, "causes": causes, "delay_s": delay_s}
 
 
-def is_right(hidden: Sequence[str], causes: Sequence[str]) -> bool:
+def is_right(line: Line) -> bool:
     """Whether both questions are answered rightly."""
-    return all((name in hidden) == (name in causes) for name in STRENGTHS)
+    return all((name in line["hidden"]) == (name in line["causes"]) for name in STRENGTHS)
 
 
 def summary(lines: Sequence[Line]) -> str:
     """A table: right worlds by what they hide, with and without measured paths."""
-    text = ["| hidden | worlds | right with measured paths | right without |", "|---|---|---|---|"]
+    text = ["| hidden | right with measured paths | right without |", "|---|---|---|"]
     groups = {
-        " and ".join(hidden) or "neither": [one for one in lines if set(one["hidden"]) == set(hidden)]
+        " and ".join(hidden) or "neither": [line for line in lines if set(line["hidden"]) == set(hidden)]
         for hidden in HIDDEN
     }
     for name, group in (groups | {"all": list(lines)}).items():
-        right = [sum(is_right(one["hidden"], one[way]["causes"]) for one in group) for way in ("measured", "commanded")]
-        text.append(f"| {name} | {len(group)} | {right[0]} | {right[1]} |")
+        right = {way: [is_right(line) for line in group if line["way"] == way] for way in WAYS}
+        text.append(f"| {name} | " + " | ".join(f"{sum(each)} of {len(each)}" for each in right.values()) + " |")
     return "\n".join(text) + "\n"
 
 
@@ -91,14 +93,11 @@ def main() -> None:
     args = parser.parse_args()
     args.out.parent.mkdir(parents=True, exist_ok=True)
     lines = [json.loads(text) for text in args.out.read_text().splitlines()] if args.out.exists() else []
-    for number in range(args.worlds):
-        if any(line["world"] == number for line in lines):
-            continue
-        strengths, table = world_table(number)
-        commanded = named(table.drop_columns(["measured_path"]))
-        lines.append({"world": number, "hidden": strengths, "measured": named(table), "commanded": commanded})
-        with args.out.open("a") as file:
-            file.write(json.dumps(lines[-1]) + "\n")
+    for way, number in itertools.product(WAYS, range(args.worlds)):
+        if not any(line["world"] == number and line["way"] == way for line in lines):
+            lines.append(line_of(number, way))
+            with args.out.open("a") as file:
+                file.write(json.dumps(lines[-1]) + "\n")
     print(summary(lines))
 
 
