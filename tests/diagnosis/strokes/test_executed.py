@@ -1,5 +1,8 @@
 """What a robot measured of its strokes: its delay, its paths without their noise, and press from force."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -10,7 +13,13 @@ from pentimento.diagnosis.strokes.executed import Following, executed, followed,
 from pentimento.diagnosis.strokes.fit import first_model, fit
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.predict import action_losses
-from pentimento.diagnosis.strokes.problem import as_commanded, stroke_problem
+from pentimento.diagnosis.strokes.problem import (
+    FittedStrokes,
+    StrokeResult,
+    as_commanded,
+    established_mechanisms,
+    stroke_problem,
+)
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.robots.motion import timed_path
 from pentimento.studio.shared import Gears
@@ -136,6 +145,8 @@ def test_latency_is_no_candidate_along_measured_paths_and_part_of_a_model_of_com
     assert measured.following is not None and measured.following.delay_s == pytest.approx(0.05, abs=1e-4)
     (latency,) = as_commanded(first_model(measured), measured).mechanisms
     assert latency.cause == "latency" and float(latency.values[0]) == measured.following.delay_s
+    found = SimpleNamespace(established=(), extended=FittedStrokes(first_model(measured)), problem=problem)
+    assert [mechanism.cause for mechanism in established_mechanisms(cast(StrokeResult, found))] == ["latency"]
     by_command = load_measured(table.drop_columns(["measured_path"]))
     assert by_command.following is None and "latency" in stroke_problem(by_command, VOCABULARY, 0).causes
     assert as_commanded(first_model(by_command), by_command).mechanisms == ()

@@ -132,6 +132,13 @@ def as_commanded(model: Model, measured: Measured) -> Model:
     return model.plus(Latency(torch.tensor([measured.following.delay_s], dtype=torch.float64), reference))
 
 
+def established_mechanisms(result: StrokeResult) -> list[Mechanism]:
+    """Mechanisms of the established causes, and of the robot's measured delay, for a model that takes commands."""
+    names = {finding.cause for finding in result.established} | {Latency.cause}
+    model = as_commanded(result.extended.model, cast(StrokeProblem, result.problem).measured)
+    return [mechanism for mechanism in model.mechanisms if mechanism.cause in names]
+
+
 def with_learned_residual(result: StrokeResult) -> Measured:
     """All strokes with the predictions of the learned residual model, cross-fitted outside the test split."""
     rows = np.sort(np.concatenate(result.splits[:2])), result.splits.test
