@@ -17,7 +17,7 @@ from torch import Tensor
 from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
-from pentimento.diagnosis.strokes.problem import stroke_problem
+from pentimento.diagnosis.strokes.problem import established_mechanisms, stroke_problem
 from pentimento.dynamics.strokes.evaluation import blank, fit_polyline, mean_iou, predict_with
 from pentimento.dynamics.strokes.extended import (
     MeasuredStrokes,
@@ -205,7 +205,7 @@ class Training:
         found = diagnose(problem, seed=self.seed, log=lambda _: None)
         diagnosing = time.process_time() - started
         names = [finding.cause for finding in found.established]
-        causes = [m for m in found.extended.model.mechanisms if m.cause in names]
+        causes = established_mechanisms(found)
         timing = timing_of(self.strokes.covariates)
         # The base learnt from all of them: to hold some out from its extension alone would favour the base.
         joint = fit_jointly(

@@ -71,6 +71,7 @@ def test_a_stroke_in_the_studio_goes_through_a_file_and_back(tmp_path: Path) -> 
         assert mark_y_m == pytest.approx(y_m, abs=1.5e-3)
         assert row["t_before_s"] < row["t_start_s"] < row["t_after_s"]
         assert np.isfinite(row["measured_path"]).all()
+        assert len(row["force_n"]) == 32 and np.isfinite(row["force_n"]).all()
         assert row["tool"] == "round_brush" and row["medium"] == "acrylic"
         box = np.array(row["window_px"])
         assert (box > 0).all() and box[2] < row["frame_size_px"][0] and box[3] < row["frame_size_px"][1]

@@ -49,6 +49,9 @@ class FaultyRobot:
         self.moves += 1
         return self.robot.move(self.on_move(self.moves, path))
 
+    def force_n(self) -> np.ndarray:
+        return self.robot.force_n()
+
     def lift(self) -> None:
         self.lifts.append(time.monotonic())
         self.robot.lift()

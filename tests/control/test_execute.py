@@ -56,6 +56,9 @@ class FakeRobot:
         self.clock_s += TRAVEL_S + path[-1, 0]
         return path + 1e-4
 
+    def force_n(self) -> np.ndarray:
+        return np.zeros(0)
+
     def photo(self) -> Photo:
         raise MissingAbilityError("none")
 

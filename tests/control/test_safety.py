@@ -44,6 +44,9 @@ class FakeRobot:
     def wipe(self) -> None:
         self.calls.append(("wipe", None))
 
+    def force_n(self) -> np.ndarray:
+        return np.zeros(0)
+
     def move(self, path: np.ndarray) -> np.ndarray:
         self.calls.append(("move", path))
         return path

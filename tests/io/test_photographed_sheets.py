@@ -85,7 +85,7 @@ def test_read_writes_the_painted_strokes_and_counts_the_others(
     rows = read_table(tmp_path / "table", CONTRACT).table.to_pylist()
     assert [row["order"] for row in rows] == list(range(MISSED, 12))
     assert {row["tool"] for row in rows} == {"marker"} and {row["medium"] for row in rows} == {"ink"}
-    assert (photographed.table / SHEET).is_file()
+    assert (tmp_path / "table" / "contact_sheet.png").is_file()
 
 
 def test_guide_lines_are_no_paint(

@@ -37,6 +37,7 @@ def test_a_stroke_in_the_paint_of_its_dip_shows_on_the_sheet(robot: VirtualRobot
     after = studio.truth_image(1000)
     assert measured.shape == (32, 5)
     assert measured[:, 1:3] == pytest.approx(path_across()[:, 1:3], abs=2e-3)
+    assert robot.force_n().shape == (32,) and robot.force_n().mean() > 0.05
     row, column = 100, 125
     assert after[row, column, 0] < 0.5 * before[row, column, 0]
     assert after[row, column, 2] > 2 * after[row, column, 0]

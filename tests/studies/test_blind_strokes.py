@@ -90,7 +90,8 @@ def test_table_does_not_leak_the_truth() -> None:
     with_effect = as_table(record(hidden, some, (3.0,)), decoys)
     without = as_table(record(blank, some), decoys)
     assert with_effect.schema.equals(without.schema, check_metadata=True)
-    shown = [name for name in without.column_names if name not in ("before", "after", "measured_path")]
+    assert not {"measured_path", "force_n"} & set(with_effect.column_names)
+    shown = [name for name in without.column_names if name not in ("before", "after")]
     assert str(with_effect.select(shown).to_pylist()) == str(without.select(shown).to_pylist())
     assert not with_effect.select(["after"]).equals(without.select(["after"]))
     texts = json.dumps([row for row in with_effect.drop_columns(["before", "after"]).to_pylist()]).lower()

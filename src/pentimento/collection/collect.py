@@ -63,7 +63,7 @@ def record_stroke(
         raise ContractError(f"The image before is {before.shape} and after {after.shape}; rectify both to one window.")
     pixels_per_m(before.shape, window_m)
     event = executed.event
-    measured = executed.measured_path
+    measured, force_n = executed.measured_path, executed.force_n
     return {
         "session": session.name,
         "order": order,
@@ -82,6 +82,7 @@ def record_stroke(
         "t_after_s": photo_after.t_s - session.started_s,
         **executed.covariates,
         "measured_path": measured.tolist() if np.all(np.isfinite(measured[:, 1:])) else None,
+        "force_n": force_n.tolist() if force_n.size and np.all(np.isfinite(force_n)) else None,
         "window_px": window_in_camera(views.calibration, window_m).tolist(),
         "frame_size_px": list(views.calibration.frame_size_px),
         "exposure_s": photo_after.exposure_s,

@@ -48,7 +48,7 @@ CONTRACT: Final = TableContract(
         known("tool_age_m", pa.float32(), "length drawn in the tool's life, before this stroke", "m"),
         known("wet_age_s", pa.float32(), "ink-weighted median age of the paint under it; NaN = blank", "s"),
         known("measured_path", PATH, f"measured {_TIP}", "s, m, m, m, rad", "see `frame`", may_be_nan=(0,)),
-        known("force_n", pa.list_(pa.float32()), "force along the stroke", "N"),
+        known("force_n", pa.list_(pa.float32()), "normal force at the points of `path`", "N"),
         known("window_px", vector(4), "the window in the raw camera frame", "px", "camera"),
         known("frame_size_px", pa.list_(pa.int32(), 2), "raw camera frame: width, height; 0 = unknown", "px"),
         known("exposure_s", pa.float32(), "of the camera", "s"),

@@ -35,6 +35,8 @@ class ExecutedStroke:
     """The strokes contract's columns that depend on the memory, before the stroke."""
     measured_path: FloatArray
     """[N, 5] as the robot measured it; NaN where it did not."""
+    force_n: FloatArray
+    """Normal force at the path's points, [N]; [0] where the robot does not measure it."""
 
 
 class ExecutionError(PentimentoError):
@@ -116,7 +118,7 @@ def execute_stroke(
     # The travel to the stroke's start takes time, too, so the start time follows from the end time.
     started_s = robot.clock_s - float(stroke.path[-1, 0]) - session.started_s
     event = StrokeEvent(path=stroke.path, t_start_s=started_s, dip=dip, color_srgb=stroke.color_srgb)
-    return advance(memory, event), ExecutedStroke(event, covariates(memory, event), measured)
+    return advance(memory, event), ExecutedStroke(event, covariates(memory, event), measured, robot.force_n())
 
 
 def _paint_of(stroke: PlannedStroke, tool: Tool, palette_srgb: FloatArray, index: int) -> int:

@@ -173,6 +173,9 @@ class GuardedRobot:
         with self._passing("move"):
             return self._robot.move(points)
 
+    def force_n(self) -> FloatArray:
+        return self._robot.force_n()
+
     def photo(self) -> Photo:
         """Refused while stopped: a robot may have to move out of the picture."""
         self._refuse_if_stopped("photo")

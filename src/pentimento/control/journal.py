@@ -112,6 +112,9 @@ class JournaledRobot:
         measured: FloatArray = self._journal.do("move", np.asarray(path).tolist())
         return measured
 
+    def force_n(self) -> FloatArray:
+        return self._robot.force_n()
+
     def lift(self) -> None:
         self._robot.lift()
 

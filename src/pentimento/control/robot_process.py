@@ -93,6 +93,9 @@ class RobotProcess:
     def move(self, path: FloatArray) -> FloatArray:
         return np.asarray(self._call("move", path), dtype=np.float64)
 
+    def force_n(self) -> FloatArray:
+        return np.asarray(self._call("force_n"), dtype=np.float64)
+
     def lift(self) -> None:
         self._call("lift")
 

@@ -18,15 +18,14 @@ from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import CheckedTable, parquet_files, read_table
 from pentimento.diagnosis.experiment_design import aliasing_sentences
 from pentimento.diagnosis.pushes.measured import measure
-from pentimento.diagnosis.pushes.problem import observable_causes
+from pentimento.diagnosis.pushes.problem import observable_causes as observable_of_pushes
 from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.model import identity
+from pentimento.diagnosis.strokes.model import observable_causes
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.mechanisms import VOCABULARY as OF_PUSHES
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY as OF_STROKES
-from pentimento.dynamics.strokes.simulation import NotObservable
 from pentimento.io.table_checks import (
     commanded_pushes,
     commanded_strokes,
@@ -101,20 +100,15 @@ def _of_strokes(table: pa.Table) -> _Content:
 
 
 def _not_shown(measured: Measured) -> dict[str, str]:
-    unseen = {}
-    for kind in OF_STROKES:
-        try:
-            identity(kind, measured.context)
-        except NotObservable as reason:
-            unseen[kind.cause] = str(reason)
-    return unseen
+    by_measured_path = measured.following is not None
+    return observable_causes(OF_STROKES, measured.context, path_measured=by_measured_path)[1]
 
 
 def _of_pushes(table: pa.Table) -> _Content:
     samples, _ = load_pushes(table)
     alone = samples.pick(samples.kind == "push")  # the causes are of pushes
     if len(alone.kind):
-        _, unseen = observable_causes(measure(alone), OF_PUSHES)
+        _, unseen = observable_of_pushes(measure(alone), OF_PUSHES)
     else:
         unseen = {kind.cause: "all rows are pinches, and causes are known of pushes alone" for kind in OF_PUSHES}
     return _Content(commanded_pushes(table), shown_pushes(table), heading_of_pushes(table), unseen, [])

@@ -58,6 +58,10 @@ class Robot(Protocol):
         """Execute one stroke; returns the measured path [N, 5], NaN where nothing was measured."""
         ...
 
+    def force_n(self) -> FloatArray:
+        """Normal force at each point of the last move, [N]; [0] where it was not measured."""
+        ...
+
     def lift(self) -> None:
         """Stop where the tool is and raise it off the canvas.
 

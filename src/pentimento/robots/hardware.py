@@ -113,6 +113,9 @@ class HardwareRobot:
         measured = self._travel(points, "stroke")
         return off_surface(measured, self._rig)
 
+    def force_n(self) -> FloatArray:
+        return np.zeros(0)  # no driver measures it yet
+
     def lift(self) -> None:
         """Halt, and raise the tip to travel height. MachineError if the present move does not end."""
         with self._lifting:  # a second call must not halt the lift of the first

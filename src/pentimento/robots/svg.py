@@ -85,6 +85,9 @@ class SvgPlotter:
         self._clock_s += float(points[-1, 0])
         return np.full(points.shape, np.nan)
 
+    def force_n(self) -> FloatArray:
+        return np.zeros(0)
+
     def lift(self) -> None:
         """Nothing to do: a file has no tool to raise."""
 

@@ -71,6 +71,9 @@ class VirtualRobot:
     def move(self, path: FloatArray) -> FloatArray:
         return self._studio.stroke(path)
 
+    def force_n(self) -> FloatArray:
+        return self._studio.force_n
+
     def lift(self) -> None:
         """Nothing to do: a stroke of the studio ends with the tool above the sheet."""
 

@@ -28,6 +28,8 @@ from pentimento.studio.strokes.world import World
 from studies.blind.strokes.design import Command, View
 from studies.blind.strokes.paint_context import Disturbance, PaintContext
 
+MEASURED = {"measured_path", "force_n"}
+"""Columns that the robot measures."""
 SKIPPED_S = 12.0  # duration of a skipped stroke
 
 
@@ -100,8 +102,11 @@ def record_world(
 
 
 def as_table(recording: Recording, columns: dict[str, NDArray[np.float64]]) -> pa.Table:
-    """Rows as a table of the contract with additional columns float64[rows]."""
-    schema = arrow_schema(CONTRACT, include_optional=set(recording.rows[0]))
+    """Rows as a table of the contract with additional columns float64[rows].
+
+    Without what the robot measured: the benchmark is of what photographs alone tell.
+    """
+    schema = arrow_schema(CONTRACT, include_optional=set(recording.rows[0]) - MEASURED)
     table = pa.Table.from_pylist(recording.rows, schema=schema)
     for name, values in columns.items():
         table = table.append_column(name, pa.array(values.astype(np.float32)))

@@ -60,7 +60,7 @@ def photographed(measured: Measured, photographs: np.ndarray) -> Measured:
 
 def strokes_of(kind: type[Mechanism], *values: float) -> tuple[Measured, Model]:
     """Strokes with a cause, each a little darker or paler than the others, and a base that is fitted to them."""
-    measured = load_measured(example_table(40))
+    measured = load_measured(example_table(40).drop_columns(["measured_path"]))
     base = fit(first_model(measured), measured)
     mechanism = kind(torch.tensor(values, dtype=torch.float64), identity(kind, measured.context).reference)
     after = predicted(base.plus(mechanism), measured)

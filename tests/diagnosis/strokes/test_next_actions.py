@@ -100,10 +100,11 @@ def test_proposal_depends_on_the_seed_only(model: Model, strokes: Measured, prop
 
 def test_proposal_keeps_the_stroke_frame(model: Model, strokes: Measured) -> None:
     """In the stroke's frame all start at the origin, and the heading is fixed."""
-    path = strokes.samples.path.clone()
+    path = strokes.command.clone()
     path[..., 1:3] -= path[:, :1, 1:3]
-    top_left = strokes.samples.top_left_m - strokes.samples.path[:, 0, 1:3]
-    local = replace(strokes, samples=strokes.samples._replace(path=path, top_left_m=top_left))
+    top_left = strokes.samples.top_left_m - strokes.command[:, 0, 1:3]
+    samples = strokes.samples._replace(path=path, top_left_m=top_left)
+    local = replace(strokes, samples=samples, command=path)
     ranges = ranges_of(local)
     assert ranges.place_m is None
     for action in draw_sequence(np.random.default_rng(0), ranges, local, 5):
@@ -112,9 +113,9 @@ def test_proposal_keeps_the_stroke_frame(model: Model, strokes: Measured) -> Non
 
 
 def test_proposal_keeps_constant_press(strokes: Measured) -> None:
-    path = strokes.samples.path.clone()
+    path = strokes.command.clone()
     path[..., 3] = 0.0
-    touching = replace(strokes, samples=strokes.samples._replace(path=path))
+    touching = replace(strokes, samples=strokes.samples._replace(path=path), command=path)
     actions = draw_sequence(np.random.default_rng(0), ranges_of(touching), touching, 5)
     assert all((action.path[:, 3] == 0).all() for action in actions)
 

@@ -197,3 +197,17 @@ def test_impossible_colours_and_times_are_refused() -> None:
         studio.dip((255, 0, 0))
     with pytest.raises(ContractError, match="cannot pass"):
         studio.wait(-1)
+
+
+def test_force_grows_with_press_and_is_noise_above_the_sheet() -> None:
+    studio = Studio(world_with(), 1)
+    noise_n = world_with().robot.force_noise_n
+    means = []
+    for depth_m in (-0.002, 0.001, 0.002, 0.003):
+        studio.stroke(straight(depth_m=depth_m))
+        means.append(studio.force_n.mean())
+        assert studio.force_n.shape == (32,)
+        assert studio.force_n.std() == pytest.approx(noise_n, rel=0.6)
+    assert abs(means[0]) < noise_n
+    assert np.all(np.diff(means[1:]) > 3 * noise_n)
+    assert means[3] - means[2] > means[2] - means[1]  # ever more bristles bear

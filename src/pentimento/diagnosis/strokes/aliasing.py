@@ -35,7 +35,8 @@ def columns_of(model: Model) -> Columns:
 def with_all(model: Model, measured: Measured, vocabulary: Sequence[type[Mechanism]]) -> Model:
     """The model with every observable cause that it lacks, with all quantities 0."""
     there = {mechanism.cause for mechanism in model.mechanisms}
-    lacking, _ = observable_causes([kind for kind in vocabulary if kind.cause not in there], measured.context)
+    kinds = [kind for kind in vocabulary if kind.cause not in there]
+    lacking, _ = observable_causes(kinds, measured.context, path_measured=measured.following is not None)
     return model.plus(*lacking.values())
 
 

@@ -67,8 +67,8 @@ class Ranges:
 
 
 def ranges_of(measured: Measured) -> Ranges:
-    """The ranges of the recorded strokes."""
-    path = measured.samples.path.double().numpy()
+    """The ranges of the recorded commands."""
+    path = measured.command.double().numpy()
     chord = path[:, -1, 1:3] - path[:, 0, 1:3]
     length = np.maximum(np.hypot(*chord.T), 1e-6)
     across = np.einsum("bnk,bk->bn", path[..., 1:3] - path[:, :1, 1:3], chord[:, ::-1] * (-1, 1)) / length[:, None]

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from pentimento.contracts import images
 from pentimento.contracts.covariates import PICKUP_COLUMNS
+from pentimento.diagnosis.strokes.executed import Following, executed
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
-from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
+from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples, resample_path
 from pentimento.dynamics.strokes.simulation import StrokeContext
 
 Array = NDArray[Any]
@@ -42,6 +43,13 @@ class Measured:
     """B strokes for comparison with predictions."""
 
     samples: StrokeSamples
+    """``path`` is as executed: measured where the robot measured it (``executed``), otherwise as commanded."""
+    command: torch.Tensor
+    """float32[B, N, 5]: commanded paths."""
+    following: Following | None
+    """The robot's delay, which the executed paths hold; None where paths are as commanded."""
+    press_from_force: bool
+    """Whether the paths' press is in proportion to the measured force, because z does not vary."""
     covariates: dict[str, Array]
     """float64[B] each: every numeric scalar column but identities; NaN where unknown."""
     paint: Array
@@ -78,19 +86,22 @@ class Measured:
         index = rows if isinstance(rows, slice) else torch.as_tensor(np.asarray(rows))
         kept = {name: values[rows] for name, values in self.covariates.items()}
         return replace(
-            self, samples=self.samples.pick(index), covariates=kept, paint=self.paint[rows],
-            block=self.block[rows], turn=self.turn[rows], painted=self.painted[rows], weight=self.weight[rows],
-            residual_prediction=self.residual_prediction[rows],
+            self, samples=self.samples.pick(index), command=self.command[index], covariates=kept,
+            paint=self.paint[rows], block=self.block[rows], turn=self.turn[rows], painted=self.painted[rows],
+            weight=self.weight[rows], residual_prediction=self.residual_prediction[rows],
         )  # fmt: skip
 
 
 def load_measured(table: pa.Table) -> Measured:
-    """Load rows of the strokes contract; photographs are averaged down to about a hundred pixels a side, ``before``
-    denoised.
+    """Load rows of the strokes contract as they were executed (``executed``).
+
+    Photographs are averaged down to about a hundred pixels a side, ``before`` denoised.
 
     Raises:
         ContractError: the table has no rows, or a row (it is named) makes no sample.
     """
+    commands = [resample_path(np.asarray(path, dtype=float), _POINTS) for path in table["path"].to_pylist()]
+    table, following, press_from_force = executed(table)
     samples = load_samples(table, _POINTS, common_resolution(table), 1.0)
     before = torch.from_numpy(np.stack([_denoised(image) for image in samples.before.numpy()]))
     samples = samples._replace(before=before, before_linear=srgb_to_linear(before))
@@ -102,8 +113,20 @@ def load_measured(table: pa.Table) -> Measured:
     order = np.lexsort((np.asarray(table["order"].to_pylist()), np.asarray(table["session"].to_pylist())))
     columns, paints = covariates_of(table) | paint_pickup(table, samples), int(paint.max()) + 1
     nothing_learnt = np.zeros((*painted.shape, 3), np.float32)
+    command = torch.tensor(np.array(commands), dtype=torch.float32)
     return Measured(
-        samples, columns, paint, paints, block, np.argsort(order), painted, np.ones(len(samples.path)), nothing_learnt
+        samples,
+        command,
+        following,
+        press_from_force,
+        columns,
+        paint,
+        paints,
+        block,
+        np.argsort(order),
+        painted,
+        np.ones(len(samples.path)),
+        nothing_learnt,
     )
 
 
@@ -215,7 +238,7 @@ def covariates_shown(measured: Measured) -> dict[str, Array]:
 
 
 def path_covariates(measured: Measured) -> dict[str, Array]:
-    """Covariates of the commanded path that vary (length, press, heading, place, speed), float64[B] each."""
+    """Covariates of the executed path that vary (length, press, heading, place, speed), float64[B] each."""
     path = measured.samples.path.double().numpy()
     steps = np.hypot(*np.diff(path[..., 1:3], axis=1).transpose(2, 0, 1))
     chord = path[:, -1, 1:3] - path[:, 0, 1:3]

@@ -24,6 +24,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.strokes.soft_edge import LEVELS
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.mechanisms.geometry import arc_m, bending_per_m, moved_ends, tangent
+from pentimento.dynamics.strokes.mechanisms.latency import Latency
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Quantity, StrokeContext, extended_mark
 from pentimento.dynamics.strokes.traj2stroke import Mark
 
@@ -182,12 +183,19 @@ def identity(kind: type[Mechanism], context: StrokeContext) -> Mechanism:
 
 
 def observable_causes(
-    vocabulary: Sequence[type[Mechanism]], context: StrokeContext
+    vocabulary: Sequence[type[Mechanism]], context: StrokeContext, *, path_measured: bool
 ) -> tuple[dict[str, Mechanism], dict[str, str]]:
-    """The mechanism of each cause that these strokes can show, with all quantities 0; and of the others the reason."""
+    """The mechanism of each cause that these strokes can show, with all quantities 0; and of the others the reason.
+
+    Args:
+        path_measured: whether the paths are measured, so that the robot's delay is in them.
+    """
     seen: dict[str, Mechanism] = {}
     unseen: dict[str, str] = {}
     for kind in vocabulary:
+        if path_measured and kind is Latency:
+            unseen[kind.cause] = "the robot measured its paths, and they hold its delay"
+            continue
         try:
             seen[kind.cause] = identity(kind, context)
         except NotObservable as reason:

@@ -61,9 +61,9 @@ class Proposal(NamedTuple):
 
 
 def proposal_for(result: StrokeResult, seen: Screening[Measured, Model], seed: int) -> Proposal:
-    """The next strokes after a diagnosis; none where nothing is in question."""
+    """The next strokes after a diagnosis; none without a question, or where no z was commanded that presses."""
     asked = questions(result, seen.aliasing)
-    if not asked:
+    if not asked or seen.measured.press_from_force:
         return Proposal((), (), {})
     wanted = {cause for question in asked for cause in question}
     wanted |= {mechanism.cause for mechanism in result.extended.model.mechanisms}

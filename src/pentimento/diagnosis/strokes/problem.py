@@ -24,6 +24,7 @@ from pentimento.diagnosis.strokes.model import Model, UnevenEnds, observable_cau
 from pentimento.diagnosis.strokes.modes import MODES, mode_scores
 from pentimento.diagnosis.strokes.predict import action_losses, noise_floor
 from pentimento.dynamics.strokes.mechanisms.bristle_lag import BristleLag
+from pentimento.dynamics.strokes.mechanisms.geometry import speed_m_s
 from pentimento.dynamics.strokes.mechanisms.latency import Latency
 from pentimento.dynamics.strokes.mechanisms.lens_distortion import LensDistortion
 from pentimento.dynamics.strokes.simulation import Mechanism
@@ -117,9 +118,25 @@ class StrokeProblem:
 
 def stroke_problem(measured: Measured, vocabulary: Sequence[type[Mechanism]], seed: int) -> StrokeProblem:
     """The problem of measured strokes."""
-    seen, unseen = observable_causes((*vocabulary, UnevenEnds), measured.context)
+    by_measured_path = measured.following is not None
+    seen, unseen = observable_causes((*vocabulary, UnevenEnds), measured.context, path_measured=by_measured_path)
     causes = {name: _cause(mechanism) for name, mechanism in seen.items()}
     return StrokeProblem(measured, first_model(measured), seen, causes, unseen, seed)
+
+
+def as_commanded(model: Model, measured: Measured) -> Model:
+    """A model of executed paths as one of commands, by which a robot plans: with the robot's delay, if it has one."""
+    if measured.following is None or not measured.following.late:
+        return model
+    reference = {"speed_m_s": float(speed_m_s(measured.context.path).log().mean().exp())}
+    return model.plus(Latency(torch.tensor([measured.following.delay_s], dtype=torch.float64), reference))
+
+
+def established_mechanisms(result: StrokeResult) -> list[Mechanism]:
+    """Mechanisms of the established causes, and of the robot's measured delay, for a model that takes commands."""
+    names = {finding.cause for finding in result.established} | {Latency.cause}
+    model = as_commanded(result.extended.model, cast(StrokeProblem, result.problem).measured)
+    return [mechanism for mechanism in model.mechanisms if mechanism.cause in names]
 
 
 def with_learned_residual(result: StrokeResult) -> Measured:

@@ -11,11 +11,12 @@ import pyarrow.parquet as pq
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.strokes.executed import measures_paths
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import model_as_json
 from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, screen
 from pentimento.diagnosis.strokes.out_of_distribution import evaluate_baseline, gap_closed_outside, paints_of
-from pentimento.diagnosis.strokes.problem import StrokeResult, stroke_problem
+from pentimento.diagnosis.strokes.problem import StrokeResult, as_commanded, stroke_problem
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.strokes.report import build_page
 from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict, write_result
@@ -55,11 +56,17 @@ def write_diagnosis(
     Raises:
         ContractError: too few rows, or more than 1 % of them cannot be used (it names them).
     """
+    if outside is not None and measures_paths(table) != measures_paths(outside):
+        table, outside = (_without_measured_paths(each) for each in (table, outside))
     measured, notes = _usable(table, "")
     notes = ([left_out] if left_out else []) + notes
     for note in notes:
         log(note)
     other = None if outside is None else _usable(outside, "Of the outside table: ")
+    if following := measured.following:
+        notes.append(following.sentence())
+    if measured.press_from_force:
+        notes.append("Press is taken from the force, because z does not vary.")
     problem = stroke_problem(measured, VOCABULARY, seed)
     result = diagnose(problem, seed=seed, log=log)
     shifted = None
@@ -76,14 +83,20 @@ def write_diagnosis(
     proposal = proposal_for(result, seen, seed)
     beside = None if given is None else evaluate_baseline(given, seen.test)
     content = verdict(result, shifted=shifted, notes=notes, given_mse=beside and beside.mse)
+    if following:
+        content["following"] = following._asdict()
     write_result(
         out,
         page=build_page(result, seen, proposal, content, beside),
         actions=as_table(proposal, measured),
-        model=model_as_json(result.extended.model, paints_of(measured)),
+        model=model_as_json(as_commanded(result.extended.model, measured), paints_of(measured)),
         content=content,
     )
     return result
+
+
+def _without_measured_paths(table: pa.Table) -> pa.Table:
+    return table.drop_columns([name for name in ("measured_path",) if name in table.schema.names])
 
 
 def _usable(table: pa.Table, whose: str) -> tuple[Measured, list[str]]:

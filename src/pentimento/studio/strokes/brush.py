@@ -127,6 +127,15 @@ def drag(tip: Tip, surface_m: Array, tool: Tool, *, effects: Effects, worn_m: fl
     return Drag(patch, press, frame, outer, film, speed)
 
 
+def bearing_n(press_m: Array, bundle: Bundle, tool: Tool) -> Array:
+    """Force with which the sheet bears the bundle, float64[M], for the press of its middle, float64[M].
+
+    Each bristle is a spring that is loaded from where its own end meets the sheet.
+    """
+    shortened_m = np.maximum(press_m[:, None] - bundle.short_m, 0.0)
+    return np.asarray(tool.stiffness_n_m * shortened_m.mean(axis=1))
+
+
 class _Motion(NamedTuple):
     """A tip's motion with touch-down and lift-off, K = M + 2 DAB_STEPS."""
 

@@ -9,7 +9,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.markers import markers_around
 from pentimento.contracts.observations import Photo
 from pentimento.studio.shared import Gears, Item, item_rng
-from pentimento.studio.strokes.brush import DAB_STEPS, Drag, drag, make_bundle
+from pentimento.studio.strokes.brush import DAB_STEPS, Drag, bearing_n, drag, make_bundle
 from pentimento.studio.strokes.camera import expose, make_optics, table_scene
 from pentimento.studio.strokes.motion import Tip, execute
 from pentimento.studio.strokes.sheet import (
@@ -61,6 +61,7 @@ class Studio:
         self._load, self._filled, self._belly = np.zeros(bristles), np.zeros(bristles), np.zeros(1)
         self._colour = np.zeros((bristles, 6))
         self._held = False
+        self.force_n = np.zeros(0)
         self._place_sheet()
         if world.tool.kind == "marker":
             self._fill(np.asarray(BLACK_SRGB), residue=0.0)
@@ -98,6 +99,8 @@ class Studio:
     def stroke(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
         """Execute a commanded path, float64[N,5] t_s, x_m, y_m, z_m, yaw_rad; returns the encoder readings [N,5].
 
+        `force_n` then has what the wrist's sensor measured at the same times, float64[N].
+
         Raises:
             ContractError: a path of another shape, a number that is not finite, or times that do not increase.
         """
@@ -111,6 +114,10 @@ class Studio:
         moved = drag(tip, surface, world.tool, effects=world.effects, worn_m=self._worn_m, friction=friction)
         self._mark(moved)
         self._worn_m += _drawn_m(tip, surface)
+        force_n = bearing_n(surface - tip.pose[:, 2], self._bundle, world.tool)
+        times_s = np.linspace(path[0, 0], path[-1, 0], len(force_n))
+        noise_n = world.robot.force_noise_n * rng.standard_normal(len(path))
+        self.force_n = np.interp(path[:, 0], times_s, force_n) + noise_n
         return tip.encoders
 
     def photo(self) -> Photo:

@@ -54,6 +54,7 @@ class Robot:
     scale: tuple[float, float]  # executed over commanded length, per axis
     offset_m: tuple[float, float]
     encoder_noise_m: float
+    force_noise_n: float
     repeatability_m: float
     travel_s: float  # between two strokes
 
@@ -70,6 +71,7 @@ class Tool:
     bristle_radius_m: float
     dome_m: float  # how much shorter the outermost bristles are than those in the middle
     raggedness_m: float  # spread of the bristles' lengths
+    stiffness_n_m: float  # of all bristles together, along their length
     splay: float  # relative widening that press approaches
     splay_press_m: float  # press at which half of it is reached
     trail_m: float  # distance by which the bent bristles trail at high press
