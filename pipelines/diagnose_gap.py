@@ -19,7 +19,7 @@ from pentimento.contracts.tables import read_table
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.diagnosis.strokes.measured import covariates_of
-from pentimento.diagnosis.strokes.problem import StrokeResult
+from pentimento.diagnosis.strokes.problem import StrokeResult, established_mechanisms
 from pentimento.diagnosis.strokes.write import diagnose_in_rounds, write_diagnosis
 from pentimento.dynamics.strokes.evaluation import score, score_model
 from pentimento.dynamics.strokes.extended import (
@@ -33,7 +33,6 @@ from pentimento.dynamics.strokes.fit_correction import CorrectionFit, fit_correc
 from pentimento.dynamics.strokes.joint import JointFit, fit_jointly
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.samples import load_samples
-from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action
 from pentimento.dynamics.strokes.traj2stroke import read_parameters
 from pentimento.robots.tools import load_tool
@@ -80,7 +79,7 @@ def main(arguments: argparse.Namespace) -> None:
         strokes = MeasuredStrokes(samples, columns)
         training, validation, held_out = _parts(strokes, arguments.base / "held_out_actions.json", fit)
         found = _diagnosed(table, gap, arguments.tool, config)
-        causes = _established(found)
+        causes = established_mechanisms(found)
         joint = fit_jointly(
             base, causes, training, validation=validation, timing=timing_of(columns), config=fit, log=run.log
         )
@@ -150,12 +149,6 @@ def _parts(strokes: MeasuredStrokes, held_out_actions: Path, config: TrainingCon
     return _Parts(*(strokes.pick(torch.nonzero(part).flatten()) for part in parts))
 
 
-def _established(found: StrokeResult) -> list[Mechanism]:
-    """Return the established mechanisms; the diagnosis's model also has nuisance parameters."""
-    names = {finding.cause for finding in found.established}
-    return [mechanism for mechanism in found.extended.model.mechanisms if mechanism.cause in names]
-
-
 def _scores(model: StrokeModel, strokes: MeasuredStrokes) -> dict[str, float]:
     return asdict(score(predict_strokes(model, strokes), strokes.samples))
 
@@ -171,7 +164,7 @@ def _said(corrected: CorrectionFit) -> str:
 
 
 def _summary(found: StrokeResult, joint: JointFit) -> str:
-    causes = ", ".join(mechanism.cause for mechanism in _established(found))
+    causes = ", ".join(mechanism.cause for mechanism in established_mechanisms(found))
     base, extended = joint.validation_l1
     if not causes:
         return "No cause is established. The base stays as it is."
