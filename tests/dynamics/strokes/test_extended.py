@@ -20,6 +20,7 @@ from pentimento.dynamics.strokes.extended import (
     painted,
     picks_up,
     predict_extended,
+    predict_strokes,
     read_stroke_model,
     spans,
     timing_of,
@@ -155,3 +156,14 @@ def test_the_pace_is_read_off_the_clock(made_by_truth: StrokeSamples) -> None:
     columns = observed(made_by_truth).covariates
     assert timing_of(columns) == StrokeTiming(3.0, 5.0)
     assert timing_of({name: v for name, v in columns.items() if name != "t_before_s"}) == StrokeTiming(0.0, 0.0)
+
+
+def test_covariates_beyond_the_fitted_range_are_held_at_its_end(made_by_truth: StrokeSamples) -> None:
+    strokes = observed(made_by_truth)
+    fading = changed(InkDepletion, strokes)
+    model = StrokeModel(TRUTH, (fading,), {"ink_since_reload_m": Span(0.0, 0.02, 0.04)}, StrokeTiming(0.0, 0.0))
+    far, end = (
+        strokes._replace(covariates={"ink_since_reload_m": torch.full((len(made_by_truth.path),), used)})
+        for used in (5.0, 0.04)
+    )
+    assert torch.equal(predict_strokes(model, far), predict_strokes(model, end))

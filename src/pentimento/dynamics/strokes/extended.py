@@ -72,9 +72,14 @@ class MeasuredStrokes(NamedTuple):
 
 
 def predict_strokes(model: StrokeModel, strokes: MeasuredStrokes) -> Tensor:
-    """The photograph after each stroke, sRGB [B, H, W, 3]."""
+    """The photograph after each stroke, sRGB [B, H, W, 3].
+
+    Covariates beyond the range that the causes were fitted to are held at its end, as in a plan.
+    """
+    held = {name: values.clamp(*model.fitted[name].ends) if name in model.fitted else values
+            for name, values in strokes.covariates.items()}  # fmt: skip
     with torch.no_grad():
-        return predict_extended(model.mark(), model.mechanisms, strokes, model.correction)
+        return predict_extended(model.mark(), model.mechanisms, strokes._replace(covariates=held), model.correction)
 
 
 def predict_extended(
