@@ -43,9 +43,9 @@ BRUSH = replace(
 
 
 def write_stroke_model(folder: Path) -> Path:
-    """A straight model whose strokes are about as wide as the tools'."""
+    """A straight model whose strokes are wide enough for small pictures."""
     folder.mkdir(parents=True)
-    parameters = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 1e-3, 0.3, 0.9)
+    parameters = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 2e-3, 0.3, 0.9)
     for name, content in model_files(base_model(parameters)).items():
         (folder / name).write_text(json.dumps(content))
     return folder

@@ -89,7 +89,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / name).mkdir()
         shape = EncoderShape(16, 8, 32, 1, 16, 1, 2, 16)
         Encoder(new_model(shape, tokenizer, seed), tokenizer).save(folder / name)
-    for tool, width_m in (("marker", 1e-3), ("round_brush", 3e-3)):
+    for tool, width_m in (("marker", 2e-3), ("round_brush", 3e-3)):
         weights = folder / "models" / f"stroke_{tool}" / "weights"
         weights.mkdir(parents=True)
         model = base_model(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, width_m, 0.2, 0.95))

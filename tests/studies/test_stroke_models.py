@@ -108,7 +108,7 @@ def test_page_states_which_targets_are_met() -> None:
     met = "0.50 (0.50 to 0.50), target ≤ {} (met)"
     assert f"divided by that of the better CNN (CNN with CoordConv): {met.format(0.6)}" in said
     assert f"divided by that of the best of the thesis's models (Traj2Stroke): {met.format(0.75)}" in said
-    for better, sets in (("mechanisms", 7), ("mechanisms + learned soft edges", 8)):
+    for better, sets in (("mechanisms", 7), ("mechanisms + correction", 8)):
         won = f"{better} has a better IoU than all other rows on {sets} of 8 brush sets, target 6 of 8 (met)"
         assert said.count(f"Traj2Stroke + {won}") == 2
     assert (
