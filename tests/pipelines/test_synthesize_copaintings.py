@@ -92,7 +92,7 @@ def test_half_scenes_are_painted_and_asked_for_beside_each_other(folder: Path) -
     table = read_table(Path("scenes"), scenes.CONTRACT).table
     plain = table.drop_columns(["objects"])  # no example shows two kinds together, so none might meet
     write_table(Path("scenes"), plain, scenes.CONTRACT, "# Card")
-    write_params(half_scenes={"train": 4, "val": 0, "test": 0}, pairs_per_half_scene=1)
+    write_params(half_scenes={"train": 8, "val": 0, "test": 0}, pairs_per_half_scene=1)
     out = run("out")
     rows = read_table(out, copaintings.CONTRACT).table.to_pylist()
     halves = [row for row in rows if "/" in row["scene_id"]]
@@ -101,7 +101,7 @@ def test_half_scenes_are_painted_and_asked_for_beside_each_other(folder: Path) -
     asked = [row for row in halves if row["strategy"] == "beside"]
     assert asked and all(set(row["plan_id"].split(" + ")) <= there for row in asked)
     metrics = json.loads((out / "metrics.json").read_text())
-    assert metrics["scenes"] == metrics["paintings"] == 9 and metrics["strategies"]["beside"]["pairs"] == len(asked)
+    assert metrics["scenes"] == metrics["paintings"] == 13 and metrics["strategies"]["beside"]["pairs"] == len(asked)
 
 
 def test_a_threshold_between_the_scores_leaves_out_what_is_below(folder: Path) -> None:
