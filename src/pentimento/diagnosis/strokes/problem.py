@@ -132,10 +132,16 @@ def as_commanded(model: Model, measured: Measured) -> Model:
     return model.plus(Latency(torch.tensor([measured.following.delay_s], dtype=torch.float64), reference))
 
 
-def established_mechanisms(result: StrokeResult) -> list[Mechanism]:
-    """Mechanisms of the established causes, and of the robot's measured delay, for a model that takes commands."""
-    names = {finding.cause for finding in result.established} | {Latency.cause}
-    model = as_commanded(result.extended.model, cast(StrokeProblem, result.problem).measured)
+def established_mechanisms(result: StrokeResult, *, suspected: bool = False) -> list[Mechanism]:
+    """Mechanisms of the established causes, and of the robot's measured delay, for a model that takes commands.
+
+    Args:
+        suspected: of the suspected causes, too.
+    """
+    findings = (*result.established, *result.suspected) if suspected else result.established
+    names = {finding.cause for finding in findings} | {Latency.cause}
+    fitted = result.decided.model if suspected else result.extended
+    model = as_commanded(fitted.model, cast(StrokeProblem, result.problem).measured)
     return [mechanism for mechanism in model.mechanisms if mechanism.cause in names]
 
 
