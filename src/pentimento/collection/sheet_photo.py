@@ -45,7 +45,7 @@ PAPER: Final = 0.88
 """Linear light of paper in the pictures: what white office paper reflects, with room for noise above it."""
 
 _OUTSIDE_M: Final = (MARGIN_M + SIDE_M) / 2 + 0.001
-"""Width of what is looked at around the canvas: to 1 mm beyond the markers' black."""
+"""Width of the margin that is read around the canvas: to 1 mm beyond the markers' black."""
 _MIN_PX_PER_M: Final = 3000.0
 _MAX_MISS_M: Final = 2e-4
 """Of a marker's middle. A lens that bends lines misses by up to 1.3 times as much in the canvas."""

@@ -35,7 +35,7 @@ def swollen(made_by_truth: StrokeSamples) -> MeasuredStrokes:
     twice = torch.arange(48) % 24
     samples = made_by_truth.pick(twice)._replace(action=torch.arange(48))
     strokes = MeasuredStrokes(samples, {})
-    after = predict_extended(Traj2Stroke(TRUTH).requires_grad_(False), [], strokes, _swell)  # type: ignore[arg-type]
+    after = predict_extended(Traj2Stroke(TRUTH).requires_grad_(False), [], strokes, _swell)
     return strokes._replace(samples=samples._replace(after=after))
 
 

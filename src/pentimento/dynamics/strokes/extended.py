@@ -8,7 +8,7 @@ last. Without either the model is Traj2Stroke.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, simulate
-from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters, read_parameters
+from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters, read_parameters
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 
 BASE_CAUSES = ("path_scale", "path_offset")
@@ -86,7 +86,7 @@ def predict_extended(
     mark: Traj2Stroke,
     mechanisms: Sequence[Mechanism],
     strokes: MeasuredStrokes,
-    correction: MarkCorrection | None = None,
+    correction: Callable[[Mark, Tensor], Mark] | None = None,
 ) -> Tensor:
     """The photograph after each stroke, sRGB [B, H, W, 3]; differentiable in the values of all parts."""
     samples = strokes.samples
