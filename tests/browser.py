@@ -71,6 +71,14 @@ class Browser:
         for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", clickCount=1)
 
+    def tick(self, *boxes: str) -> None:
+        """Click until all boxes that the expressions give are ticked; a page that is drawn anew may miss a click."""
+        end = time.monotonic() + 120
+        while open_ := [box for box in boxes if not self.evaluate(f"Boolean(({box} || {{}}).checked)")]:
+            assert time.monotonic() < end, f"never ticked: {open_[0]}; the page says: {self.text()[:2000]}"
+            self.click(open_[0])
+            time.sleep(0.5)
+
     def press(self, key: str, code: int, text: str = "") -> None:
         """Press and release a key, such as Enter, by its name and its Windows code."""
         for kind in ("keyDown", "keyUp"):
