@@ -23,6 +23,7 @@ from pentimento.diagnosis.strokes.aliasing import aliasing_of
 from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
+from pentimento.dynamics.strokes.registration import register
 from pentimento.planning.strokes.latent import read_decoder
 from pentimento.planning.strokes.shapes import Shapes
 from pentimento.robots.tools import Tool, load_tool
@@ -44,9 +45,13 @@ class CollectStrokes:
     """By tool, the studio's world: a name or a TOML file; other tools: the world of the tool's name."""
     hand: dict[str, str]
     """By tool, the file of a handwriting style whose strokes are collected; other tools: Bézier strokes."""
+    registered: list[str]
+    """Tools whose measured strokes a person made: each path is moved onto its ink."""
     collection: CollectionConfig
 
     def __post_init__(self) -> None:
+        if unknown := sorted(set(self.registered) - self.source.keys()):
+            raise ValueError(f"registered names {', '.join(unknown)}, for which source names no measured table.")
         if both := sorted(self.source.keys() & self.hand.keys()):
             raise ValueError(f"source and hand both name {', '.join(both)}; a measured table needs no hand.")
 
@@ -74,6 +79,9 @@ def main(arguments: argparse.Namespace) -> None:
             if table.num_rows == 0:
                 raise ContractError(f"{source} holds no strokes; name another table in collect_strokes.source.")
             origin = f"Measured: `{Path(source).name}`, {metrics['quarantined']} rows quarantined."
+            if arguments.tool in config.registered:
+                registered = register(table)
+                table, origin = registered.table, f"{origin} {registered.sentence}"
         metrics["rows"] = table.num_rows
         write_shards(out, table, CONTRACT)
         (out / "README.md").write_text(f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n")

@@ -1,4 +1,4 @@
-"""`pentimento import`, `export`, `card` and `enough`; see docs/importing.md."""
+"""`pentimento import`, `export`, `register`, `card` and `enough`; see docs/importing.md."""
 
 from __future__ import annotations
 
@@ -181,6 +181,23 @@ def _export(arguments: argparse.Namespace) -> None:
     )
 
 
+def _register(arguments: argparse.Namespace) -> None:
+    with workshop("register strokes"):
+        from pentimento.dynamics.strokes.registration import register
+    from pentimento.contracts.atomic import command_folder
+    from pentimento.contracts.strokes import CONTRACT
+    from pentimento.contracts.tables import read_table, write_shards
+
+    checked = read_table(arguments.rows, CONTRACT)
+    if checked.quarantined:
+        print(f"{len(checked.quarantined)} rows break the contract and are left out.")
+    registered = register(checked.table)
+    with command_folder(arguments.out, "pentimento register") as folder:
+        write_shards(folder, registered.table, CONTRACT)
+        (folder / "README.md").write_text(f"# Registered strokes\n\n{registered.sentence}\n", encoding="utf-8")
+    print(registered.sentence)
+
+
 def _card(arguments: argparse.Namespace) -> None:
     with workshop("write a card"):
         from pentimento.io.card import write_card
@@ -289,6 +306,12 @@ COMMANDS = (
             option("--fps", type=int, default=30, metavar="N", help="frames a second"),
         ),
         _export,
+    ),
+    Command(
+        "register",
+        "strokes of a person's hand whose paths are moved onto their ink, one by one; not for a robot's strokes",
+        (_ROWS, option("--out", required=True, type=Path, metavar="FOLDER", help="for the table")),
+        _register,
     ),
     Command(
         "card",

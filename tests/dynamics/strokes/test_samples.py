@@ -80,6 +80,26 @@ def test_paths_are_resampled_at_equal_steps() -> None:
     np.testing.assert_allclose(steps, 0.001)
 
 
+def test_a_bend_gets_the_points_that_a_straight_line_does_not_need() -> None:
+    """30 mm straight, then three loops of 0.5 mm radius: no 24 equal steps follow them."""
+    turn = np.linspace(0, 6 * np.pi, 400)
+    x = np.concatenate([np.linspace(0, 0.03, 200), 0.03 + 5e-4 * np.sin(turn)])
+    y = np.concatenate([np.zeros(200), 5e-4 * (1 - np.cos(turn))])
+    path = np.stack([np.arange(600), x, y, 0 * x, 0 * x], axis=1).astype(float)
+
+    def farthest_m(line: np.ndarray) -> float:
+        """From the path, of points along the line."""
+        share = np.linspace(0, len(line) - 1, 2000)
+        points = np.stack([np.interp(share, np.arange(len(line)), line[:, axis]) for axis in (1, 2)], axis=1)
+        return float(np.linalg.norm(points[:, None] - path[:, 1:3], axis=-1).min(1).max())
+
+    even, close = resample_path(path, 24), resample_path(path, 24, 5e-5)
+    assert farthest_m(even) > 4e-4 and farthest_m(close) < 1.5e-4
+    np.testing.assert_allclose(close[[0, -1]], path[[0, -1]], atol=1e-9)
+    assert (np.diff(close[:, 0]) > 0).all()  # times stay in order
+    np.testing.assert_array_equal(resample_path(path[:200], 24, 5e-5), resample_path(path[:200], 24))
+
+
 def test_a_path_that_does_not_move_keeps_its_press() -> None:
     path = np.zeros((3, 5))
     path[:, 3] = [-1e-3, -2e-3, -3e-3]

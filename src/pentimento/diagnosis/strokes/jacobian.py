@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.colour import linear_to_srgb
-from pentimento.diagnosis.batches import in_batches
+from pentimento.diagnosis.batches import one_openmp_thread
 from pentimento.diagnosis.gauss_newton import Statistics, by_action
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import BASE, SLABS, WIDTHS, Model, acts_on
 from pentimento.diagnosis.strokes.predict import (
-    ROWS_AT_ONCE,
     Ink,
     at_pixels,
     gain_of_camera,
@@ -49,11 +48,12 @@ def change_of_photographs(model: Model, measured: Measured, amounts: Array) -> A
     """First-order change of the photographs, sRGB float32[B, H, W, 3], by changes ``amounts`` [P] of the parameters."""
     mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
     change = np.tensordot(amounts[number], changes, 1)
-
-    def of(some: slice) -> Array:
-        return _change_of_photographs(model, measured.pick(some), amounts, mark[some], change[some])
-
-    return np.concatenate(in_batches(of, len(measured), ROWS_AT_ONCE))
+    changed = np.zeros(measured.residual_prediction.shape, np.float32)
+    with one_openmp_thread():
+        for rows, some in measured.batches:
+            height, width = some.samples.valid.shape[1:]
+            changed[rows, :height, :width] = _change_of_photographs(model, some, amounts, mark[rows], change[rows])
+    return changed
 
 
 def _change_of_photographs(
@@ -85,13 +85,13 @@ def linearise(model: Model, measured: Measured) -> Statistics:
 def linearise_rows(model: Model, measured: Measured) -> Statistics:
     """The same for each row, weighted: J^T J [B, P, P], J^T r [B, P], r^T r [B]."""
     mark, (number, changes) = mark_px(model, measured), _changes_of_mark(model, measured)
-
-    def of(some: slice) -> Statistics:
-        return _row_statistics(model, measured.pick(some), mark[some], number, changes[:, some])
-
-    parts = in_batches(of, len(measured), ROWS_AT_ONCE)
-    curvature, slope, energy = (np.concatenate(values) for values in zip(*parts, strict=True))
-    weight = measured.weight
+    size = len(model.vector)
+    curvature, slope = np.empty((len(measured), size, size)), np.empty((len(measured), size))
+    energy, weight = np.empty(len(measured)), measured.weight
+    with one_openmp_thread():
+        for rows, some in measured.batches:
+            own = _row_statistics(model, some, mark[rows], number, changes[:, rows])
+            curvature[rows], slope[rows], energy[rows] = own
     return Statistics(curvature * weight[:, None, None], slope * weight[:, None], energy * weight)
 
 

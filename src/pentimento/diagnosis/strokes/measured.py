@@ -17,7 +17,7 @@ from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.diagnosis.strokes.executed import Following, executed
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.photometry import srgb_to_linear
-from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples, resample_path
+from pentimento.dynamics.strokes.samples import TOLERANCE_PX, StrokeSamples, load_samples, resample_path
 from pentimento.dynamics.strokes.simulation import StrokeContext
 
 Array = NDArray[Any]
@@ -26,6 +26,8 @@ _POINTS = 24
 """Points of a resampled path."""
 _LARGEST_SIDE_PX = 112
 """Images are averaged down to this size."""
+_ROWS_AT_ONCE = 24
+"""Strokes a batch."""
 _FEWEST_BLOCKS = 12
 """With fewer loads of paint, each action is its own block."""
 _FEWEST_OF_A_MIX = 8  # blocks
@@ -36,6 +38,9 @@ _RESTARTING_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
 """Covariates that restart with each load of paint."""
 _NAN_SAYS_SOMETHING = ("wet_age_s",)
 """Covariates whose NaN has a meaning: nothing was painted below."""
+
+_IMAGES = ("before", "before_linear", "after", "ink", "valid")
+"""Fields of samples that are images."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,23 @@ class Measured:
             weight=self.weight[rows], residual_prediction=self.residual_prediction[rows],
         )  # fmt: skip
 
+    @cached_property
+    def batches(self) -> list[tuple[Array, Measured]]:
+        """Indices of strokes with windows of about one size, and these strokes with no more padding than they need."""
+        valid = self.samples.valid.numpy() > 0
+        heights, widths = valid.any(2).sum(1), valid.any(1).sum(1)
+        by_size = np.argsort(heights * widths, kind="stable")
+        batches = [by_size[start : start + _ROWS_AT_ONCE] for start in range(0, len(self), _ROWS_AT_ONCE)]
+        return [(rows, self.pick(rows)._cropped(heights[rows].max(), widths[rows].max())) for rows in batches]
+
+    def _cropped(self, height: int, width: int) -> Measured:
+        """The strokes with images of this size, which holds their windows."""
+        inside = (slice(None), slice(height), slice(width))
+        images = {name: getattr(self.samples, name)[inside] for name in _IMAGES}
+        residual_prediction = self.residual_prediction[inside]
+        samples = self.samples._replace(**images)
+        return replace(self, samples=samples, painted=self.painted[inside], residual_prediction=residual_prediction)
+
 
 def load_measured(table: pa.Table) -> Measured:
     """Load rows of the strokes contract as they were executed (``executed``).
@@ -100,9 +122,11 @@ def load_measured(table: pa.Table) -> Measured:
     Raises:
         ContractError: the table has no rows, or a row (it is named) makes no sample.
     """
-    commands = [resample_path(np.asarray(path, dtype=float), _POINTS) for path in table["path"].to_pylist()]
+    pixels_per_m = common_resolution(table)
+    near_m = TOLERANCE_PX / pixels_per_m
+    commands = [resample_path(np.asarray(path, dtype=float), _POINTS, near_m) for path in table["path"].to_pylist()]
     table, following, press_from_force = executed(table)
-    samples = load_samples(table, _POINTS, common_resolution(table), 1.0)
+    samples = load_samples(table, _POINTS, pixels_per_m, 1.0)
     before = torch.from_numpy(np.stack([_denoised(image) for image in samples.before.numpy()]))
     samples = samples._replace(before=before, before_linear=srgb_to_linear(before))
     block = _loads(table)

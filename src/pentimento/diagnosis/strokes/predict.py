@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.func import vmap
 
 from pentimento.contracts.colour import linear_to_srgb, srgb_to_linear
-from pentimento.diagnosis.batches import in_batches, one_openmp_thread
+from pentimento.diagnosis.batches import one_openmp_thread
 from pentimento.diagnosis.evaluation import Floor, floor_of_repeats
 from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import _UNIT_EDGE, BASE, SLABS, Model, _mark, _typical, acts_on
@@ -20,9 +20,6 @@ from pentimento.diagnosis.strokes.soft_edge import Footprint, footprint_of, mixt
 from pentimento.dynamics.strokes.simulation import Mechanism
 
 Array = NDArray[Any]
-
-ROWS_AT_ONCE = 24
-"""Strokes a batch."""
 
 
 class Ink(NamedTuple):
@@ -142,13 +139,14 @@ def residual(model: Model, measured: Measured) -> Array:
 
 
 def predicted(model: Model, measured: Measured) -> Array:
-    """The photographs after the strokes, sRGB float32[B, H, W, 3]."""
+    """The photographs after the strokes, sRGB float32[B, H, W, 3]; 0 in the padding."""
     mark = mark_px(model, measured)
-
-    def of(some: slice) -> Array:
-        return _predicted(model, measured.pick(some), mark[some])
-
-    return np.concatenate(in_batches(of, len(measured), ROWS_AT_ONCE))
+    after = np.zeros(measured.residual_prediction.shape, np.float32)
+    with one_openmp_thread():
+        for rows, some in measured.batches:
+            height, width = some.samples.valid.shape[1:]
+            after[rows, :height, :width] = _predicted(model, some, mark[rows])
+    return after
 
 
 def _predicted(model: Model, measured: Measured, mark: Array) -> Array:

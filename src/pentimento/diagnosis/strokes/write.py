@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.diagnose import diagnose
+from pentimento.diagnosis.gauss_newton import covariance
 from pentimento.diagnosis.strokes.executed import measures_paths
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
-from pentimento.diagnosis.strokes.model import model_as_json
+from pentimento.diagnosis.strokes.model import BASE, WIDTHS, model_as_json
 from pentimento.diagnosis.strokes.next_actions import as_table, proposal_for, screen
 from pentimento.diagnosis.strokes.out_of_distribution import evaluate_baseline, gap_closed_outside, paints_of
-from pentimento.diagnosis.strokes.problem import StrokeResult, as_commanded, stroke_problem
+from pentimento.diagnosis.strokes.problem import StrokeProblem, StrokeResult, as_commanded, stroke_problem
 from pentimento.diagnosis.strokes.quarantine import usable_rows
 from pentimento.diagnosis.strokes.report import build_page
 from pentimento.diagnosis.verdict import NEXT_ACTIONS, verdict, write_result
@@ -69,6 +72,7 @@ def write_diagnosis(
         notes.append("Press is taken from the force, because z does not vary.")
     problem = stroke_problem(measured, VOCABULARY, seed)
     result = diagnose(problem, seed=seed, log=log)
+    notes += _effect_of_press(result)
     shifted = None
     if other is not None:
         notes += other[1]
@@ -93,6 +97,21 @@ def write_diagnosis(
         content=content,
     )
     return result
+
+
+def _effect_of_press(result: StrokeResult) -> list[str]:
+    """What the base model says of press, in a sentence; none where press does not vary."""
+    known, base = cast(StrokeProblem, result.known), result.base
+    if not (press_m := -known.measured.samples.path[..., 3]).max() > press_m.min():
+        return []
+    at = BASE.index("density_by_press")
+    error = np.sqrt(covariance(known.linearise(base, ()))[at, at])
+    light_mm, deep_mm = base.model.base[0], base.model.base[len(WIDTHS) - 1]
+    opacity = np.exp(base.model.base[at])
+    return [
+        f"From the lightest to the deepest press, the base model's half-width goes from {light_mm:.2g} mm to "
+        f"{deep_mm:.2g} mm, and its opacity is multiplied by {opacity:.3g} ± {opacity * error:.1g}."
+    ]
 
 
 def _without_measured_paths(table: pa.Table) -> pa.Table:

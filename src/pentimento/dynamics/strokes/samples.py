@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
@@ -25,13 +26,19 @@ T = TypeVar("T")
 
 INK_THRESHOLD = 110 / 255
 """Share of the full contrast between paper and paint above which a pixel counts as inked."""
+TOLERANCE_PX = 0.5
+"""Distance by which a resampled path may leave its path."""
+_FINE = 8
+"""Times as many points where bends are looked for."""
+_OF_BENDS = 3.0
+"""Weight of bends beside that of length in the density of points."""
 _VISIBLE = 0.02  # squared sRGB distance between paint and ground below which a mark cannot be seen
 
 
 class StrokeSamples(NamedTuple):
     """B measured strokes. Images are padded to one size; ``valid`` is 0 in the padding."""
 
-    path: Tensor  # [B, N, 5] t_s, x_m, y_m, z_m, yaw_rad; equal steps of arc length
+    path: Tensor  # [B, N, 5] t_s, x_m, y_m, z_m, yaw_rad, as from `resample_path`
     top_left_m: Tensor  # [B, 2] x_min, y_max of each image's window
     pixels_per_m: Tensor  # [B]
     before: Tensor  # [B, H, W, 3] sRGB
@@ -130,14 +137,36 @@ def inked_share(before: Tensor, after: Tensor, color: Tensor) -> Tensor:
     return torch.where(power > _VISIBLE, moved / power.clamp(min=_VISIBLE), 0.0)
 
 
-def resample_path(path: Array, points: int) -> Array:
-    """[M, 5] to [points, 5] at equal steps of arc length; a path that does not move is stepped by index."""
+def resample_path(path: Array, points: int, tolerance_m: float = math.inf) -> Array:
+    """[M, 5] to [points, 5] at equal steps of arc length; a path that does not move is stepped by index.
+
+    Where such steps would leave the path by more than ``tolerance_m``, as in handwriting, steps are smaller in bends.
+    """
     steps = np.hypot(*np.diff(path[:, 1:3], axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if along[-1] <= 0:
         along = np.arange(len(path), dtype=float)
     at = np.linspace(0, along[-1], points)
-    return np.stack([np.interp(at, along, column) for column in path.T], axis=1)
+    even = np.stack([np.interp(at, along, column) for column in path.T], axis=1)
+    if _distance_m(path[:, 1:3], even[:, 1:3]) <= tolerance_m:
+        return even
+    fine = resample_path(path, _FINE * points)
+    step = np.diff(fine[:, 1:3], axis=0)
+    turned = np.abs(np.gradient(np.unwrap(np.arctan2(step[:, 1], step[:, 0]))))
+    turned = np.convolve(turned, np.full(3, 1 / 3), "same")
+    # A chord leaves its arc by (step length)² × curvature / 8, so equal errors need a density of √curvature.
+    bent = np.sqrt(turned)
+    measure = np.concatenate([[0.0], np.cumsum(1 / len(step) + _OF_BENDS * bent / max(bent.sum(), 1e-12))])
+    at = np.linspace(0, measure[-1], points)
+    return np.stack([np.interp(at, measure, column) for column in fine.T], axis=1)
+
+
+def _distance_m(points: Array, line: Array) -> float:
+    """Largest distance of points [M, 2] from a polyline [N, 2]."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    away = points[:, None] - start
+    share = np.clip((away * step).sum(-1) / np.maximum((step**2).sum(-1), 1e-18), 0.0, 1.0)
+    return float(np.linalg.norm(away - share[..., None] * step, axis=-1).min(1).max())
 
 
 @dataclass(frozen=True)
@@ -161,8 +190,16 @@ def _load_row(row: dict[str, object], points: int, coarser: int, *, margin_m: fl
     scale = frames.pixels_per_m(before.shape[:2], window)
     _, touched = _ink(path, before, after, color=color, window=window)
     after = np.where(touched[..., None], after, before)
-    before, after = _averaged(before, coarser), _averaged(after, coarser)
-    return _Row(resample_path(path, points), before, after, color, window[[0, 3]], float(scale / coarser))
+    before, after, scale = _averaged(before, coarser), _averaged(after, coarser), float(scale / coarser)
+    resampled = resample_path(path, points, TOLERANCE_PX / scale)
+    return _Row(resampled, before, after, color, window[[0, 3]], scale)
+
+
+def row_ink(row: dict[str, object]) -> tuple[Array, Array, float, Array]:
+    """Of a row: its path [N, 5], the share of paint at each pixel [H, W], pixels a metre, and the window [4]."""
+    path, before, after, color, window = _pictures(row, None)
+    scale = frames.pixels_per_m(before.shape[:2], window)
+    return path, _ink(path, before, after, color=color, window=window)[0], scale, window
 
 
 def _extent(row: dict[str, object]) -> RowExtent:
