@@ -2,6 +2,7 @@
 #   make repro [PROFILE=smoke]   the pipeline; PROFILE overlays profiles/<name>.yaml and leaves the working tree clean
 #   make test                    the whole test suite
 #   make check                   format, lint, types
+#   make docs                    the documentation as a site, into site/
 #   make base                    the base of the goal planner (hours; the UNet's training goes on where it was interrupted)
 #   make deps                    write into dvc.yaml the dependencies that follow from code and params.yaml
 #   make bench                   the benchmarks, side by side with the slow references
@@ -29,7 +30,7 @@ export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
 
-.PHONY: repro base deps test coverage check bench studies licences clean env
+.PHONY: repro base docs deps test coverage check bench studies licences clean env
 .DELETE_ON_ERROR:
 
 repro: env
@@ -56,6 +57,11 @@ check: env
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q tests/test_layering.py tests/pipelines/test_stages.py
+
+docs: export NO_MKDOCS_2_WARNING = 1
+docs: env
+	$(BIN)/python -m mkdocs build --quiet --strict
+	@echo "Open site/index.html."
 
 base: env
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro base/dvc.yaml
@@ -85,7 +91,7 @@ $(STAMP):
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
 	find .venv/lib -name '*.dist-info' -prune ! -exec test -e {}/RECORD \; -exec rm -rf {} +
 	$(PIP_INSTALL) --quiet -c constraints.txt pip
-	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,voice,arm,dev]"
+	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,voice,arm,docs,dev]"
 	$(BIN)/python -m compileall -q -j 0 -x py312_intrinsics .venv/lib # PyTorch ships that one for later Pythons only
 	rm -f .venv/.installed-*
 	touch $@
