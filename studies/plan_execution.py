@@ -74,11 +74,12 @@ def errors_of(tool_name: str, seed: int, work: Path) -> dict[str, Any]:
     work.mkdir(parents=True, exist_ok=True)
     (work / "params.yaml").write_text(json.dumps(params_of(tool_name, seed)), encoding="utf-8")  # JSON is YAML
     base, found = work / "base", work / "extended"
-    for stage, *options in (
-        ("collect_strokes", "--out", work / "strokes"),
-        ("train_stroke_dynamics", "--strokes", work / "strokes", "--out", base),
-        ("diagnose_gap", "--strokes", work / "strokes", "--base", base, "--gap", work / "gap", "--out", found),
-    ):
+    stages: dict[str, list[str | Path]] = {
+        "collect_strokes": ["--out", work / "strokes"],
+        "train_stroke_dynamics": ["--strokes", work / "strokes", "--out", base],
+        "diagnose_gap": ["--strokes", work / "strokes", "--base", base, "--gap", work / "gap", "--out", found],
+    }
+    for stage, options in stages.items():
         command = [sys.executable, "-m", f"pipelines.{stage}", "--tool", tool_name, *options]
         subprocess.run(command, cwd=work, check=True, stderr=subprocess.DEVNULL)
     extended = read_stroke_model(found)

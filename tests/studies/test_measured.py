@@ -23,6 +23,10 @@ def verdict(*established: str) -> dict[str, Any]:
     return {
         "rows": 100, "established": entries, "suspected": [], "mse": {"base": 0.02, "extended": 0.01},
         "unexplained": left,
+        "resampled": [
+            {"established": ["bristle_lag"], "suspected": []}, {"established": [], "suspected": ["bristle_lag"]},
+            {"established": [], "suspected": []},
+        ],
     }  # fmt: skip
 
 
@@ -34,7 +38,7 @@ def test_brushes_and_pens_are_counted_by_what_is_established() -> None:
 
 def test_a_row_says_number_error_rival_and_gain() -> None:
     page = measured.page([("brush_a", verdict("bristle_lag"))])
-    assert "`bristle_lag` (distance_m 0.0119 ± 0.0005; rivals latency)" in page
+    assert "`bristle_lag` (distance_m 0.0119 ± 0.0005; rivals latency) 1, 2 of 3" in page
     assert "30% (20% to 40%)" in page
     assert "unseen" not in page
 
