@@ -9,7 +9,9 @@ that column. Where all paths begin at the origin, they and the window lie in eac
 
 from __future__ import annotations
 
+import io
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -89,9 +91,9 @@ def read_pairs(file: Path, unit_m: float, press_m: float | None) -> PairArrays:
 
 def _loaded(file: Path) -> dict[str, NDArray[Any]]:
     try:
-        with np.load(file, allow_pickle=False) as content:
+        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         raise ContractError(f"{file} cannot be read as .npz: {error}. Save plain arrays with numpy.savez.") from error
     if missing := [name for name in ("path", "before", "after") if name not in arrays]:
         raise ContractError(f"{file} has no array {missing[0]!r} among {', '.join(sorted(arrays)) or 'none'}.")
