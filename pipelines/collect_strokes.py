@@ -1,7 +1,9 @@
 """Collect strokes of one tool: executed by the robot in the studio, or read from a measured table."""
 
 import argparse
+import shutil
 import sys
+import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +14,10 @@ import pyarrow as pa
 from pentimento.collection.collect import collect_strokes
 from pentimento.collection.design import CollectionConfig, design_collection
 from pentimento.collection.rehearse import rehearse
-from pentimento.contracts.errors import ContractError
+from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.contracts.tables import read_table, write_shards
+from pentimento.contracts.tables import CheckedTable, read_table, write_shards
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.diagnosis.experiment_design import Aliasing, aliasing_in_short
@@ -24,6 +26,9 @@ from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.registration import register
+from pentimento.io.contact_sheet import SHEET
+from pentimento.io.pair_arrays import SUFFIX, import_pair_arrays, read_pairs
+from pentimento.io.stroke_rows import Placement
 from pentimento.planning.strokes.latent import read_decoder
 from pentimento.planning.strokes.shapes import Shapes
 from pentimento.robots.tools import Tool, load_tool
@@ -36,11 +41,26 @@ from pipelines._tracking import Run, tracked_run
 
 
 @dataclass(frozen=True)
+class PairsConfig:
+    """What an .npz of paths and pictures does not say; as the options of `pentimento import`."""
+
+    unit_m: float
+    """Length of the unit of its paths."""
+    press_m: float | None
+    """Depth of the tip where z is 1; null: z is a height."""
+    window_m: tuple[float, float, float, float]
+    """Left, lower, right and upper edge of the pictures in the frame of the paths, y up."""
+
+
+@dataclass(frozen=True)
 class CollectStrokes:
     """Section `collect_strokes` of params.yaml."""
 
     source: dict[str, str]
-    """By tool, a measured table in the strokes contract (a file or a folder of shards); other tools: the studio."""
+    """By tool, a measured table in the strokes contract (a file or a folder of shards), or an .npz of paths and
+    pictures; other tools: the studio."""
+    pairs: dict[str, PairsConfig]
+    """By tool whose source is an .npz: its units and window."""
     world: dict[str, str]
     """By tool, the studio's world: a name or a TOML file; other tools: the world of the tool's name."""
     hand: dict[str, str]
@@ -74,7 +94,17 @@ def main(arguments: argparse.Namespace) -> None:
             drawn = "Bézier strokes" if writer is None else f"Strokes in the handwriting style “{writer.hand}”"
             origin = f"{drawn}, made by the robot in the studio, world `{world}`."
         else:
-            checked = read_table(Path(source), CONTRACT)
+            pairs = config.pairs.get(arguments.tool)
+            if (pairs is None) == (Path(source).suffix == SUFFIX):
+                raise ConfigError(
+                    f"collect_strokes.source.{arguments.tool} is {source}, and collect_strokes.pairs has "
+                    f"{'no entry' if pairs is None else 'an entry'} for it: an {SUFFIX} needs one, a table none."
+                )
+            checked = (
+                read_table(Path(source), CONTRACT)
+                if pairs is None
+                else _paired(Path(source), pairs, arguments.tool, out)
+            )
             table, metrics["quarantined"] = checked.table, len(checked.quarantined)
             if table.num_rows == 0:
                 raise ContractError(f"{source} holds no strokes; name another table in collect_strokes.source.")
@@ -87,6 +117,19 @@ def main(arguments: argparse.Namespace) -> None:
         (out / "README.md").write_text(f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n")
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
+
+
+def _paired(source: Path, config: PairsConfig, tool: str, out: Path) -> CheckedTable:
+    """The rows of an .npz; ``out`` gets its contact sheet."""
+    pairs = read_pairs(source, config.unit_m, config.press_m)
+    for sentence in pairs.assumed:
+        print(sentence, file=sys.stderr)
+    with tempfile.TemporaryDirectory() as folder:
+        imported = Path(folder, "strokes")
+        import_pair_arrays(source, pairs, Placement(config.window_m, None, False), tool, imported)
+        checked = read_table(imported, CONTRACT)
+        shutil.copyfile(imported / SHEET, out / SHEET)
+    return checked
 
 
 def _collect(

@@ -34,7 +34,7 @@ def test_places_are_read_in_their_unit_with_y_up(
     values = [stroke * DOWN * per_mm for stroke in STROKES_MM]
     text = "".join(f"<trace>{','.join(f'{x:.9f} {y:.9f}' for x, y in each)}</trace>" for each in values)
     assert_places(demonstrations(inkml(tmp_path, trace_format(units) + text), *options), STROKES_MM)
-    assert "y points down: flipped, as usual in InkML; else give --y-up." in capsys.readouterr().out
+    assert "y points down: flipped, as InkML defines it where" in capsys.readouterr().out
 
 
 def test_each_axis_may_have_its_own_unit_and_direction(tmp_path: Path) -> None:
@@ -54,6 +54,28 @@ def test_whole_numbers_of_a_device_have_its_resolution(tmp_path: Path) -> None:
     head = f'<definitions><context xml:id="c">{source}</channelProperties></inkSource></context></definitions>'
     text = traces([stroke * DOWN * 100 for stroke in STROKES_MM]).replace("<trace>", '<trace contextRef="#c">')
     assert_places(demonstrations(inkml(tmp_path, head + text)), STROKES_MM)
+
+
+@pytest.mark.parametrize(("orientation", "sign"), [("", -1), ('orientation="+ve"', -1), ('orientation="-ve"', 1)])
+def test_y_grows_downwards_unless_its_orientation_is_negative(tmp_path: Path, orientation: str, sign: int) -> None:
+    """The recommendation's table of channel names: Y increases downward for +ve, the default."""
+    head = f'<traceFormat><channel name="X" units="mm"/><channel name="Y" units="mm" {orientation}/></traceFormat>'
+    found = demonstrations(inkml(tmp_path, head + traces(STROKES_MM)))
+    assert_places(found, [stroke * [1, sign] for stroke in STROKES_MM])
+
+
+def test_heights_and_tilts_have_orientations_too(tmp_path: Path) -> None:
+    def read(orientation: str) -> tuple[np.ndarray, dict]:
+        more = f'<channel name="Z" units="mm" {orientation}/><channel name="OTy" units="deg" {orientation}/>'
+        ((points, about),) = read_inkml(
+            inkml(tmp_path, trace_format(more=more) + "<trace>1 2 -1 30,3 2 -2 50</trace>"), None
+        ).strokes
+        return points, about
+
+    (points, about), (turned, turned_about) = read(""), read('orientation="-ve"')
+    np.testing.assert_allclose(points[:, 3], [-1e-3, -2e-3], atol=1e-12)
+    np.testing.assert_allclose(turned[:, 3], [1e-3, 2e-3], atol=1e-12)
+    assert about["tilt_y_rad"] == pytest.approx(np.radians(40)) == -turned_about["tilt_y_rad"]
 
 
 def test_differences_are_summed(tmp_path: Path) -> None:
@@ -157,6 +179,11 @@ BOMB = '<!DOCTYPE ink [<!ENTITY a0 "ha">' + "".join(
         ("<ink><trace contextRef='#c'>1 2</trace></ink>", "refers to '#c', which is no <context> of this file"),
         ("<ink><trace continuation='end' priorRef='#a'>1 2</trace></ink>", "continues 'a', which is no trace"),
         ("<ink><traceFormat><channel name='X'/></traceFormat><trace>1</trace></ink>", "has no channel Y"),
+        (
+            "<ink><traceFormat><channel name='X'/><channel name='Y' orientation='up'/></traceFormat>"
+            "<trace>1 2</trace></ink>",
+            "the orientation of channel Y is 'up'",
+        ),
         ("<ink><canvasTransform><mapping type='affine'/></canvasTransform></ink>", "'affine' is not supported"),
     ],
 )

@@ -56,7 +56,7 @@ def test_svg_is_read_at_its_size_or_at_96_pixels_an_inch(
     path = saved(tmp_path / "a.svg", f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{text}</svg>')
     assert_places(demonstrations(path, *options), [stroke * DOWN for stroke in FROM_TOP_MM])
     printed = capsys.readouterr().out
-    assert "y points down: flipped, as usual in SVG" in printed
+    assert "y points down: flipped, as SVG defines it" in printed
     assert said in printed if said else "1/96" not in printed
 
 

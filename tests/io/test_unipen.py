@@ -31,7 +31,7 @@ def test_places_are_read_in_their_unit(
 ) -> None:
     path = unipen(tmp_path, [stroke * per_mm for stroke in STROKES_MM], "X Y", head)
     assert_places(demonstrations(path, *options), STROKES_MM)
-    assert "y points up, as usual in UNIPEN; else give --y-down." in capsys.readouterr().out
+    assert "y points up, as UNIPEN's own tools draw it; else give --y-down." in capsys.readouterr().out
     mirrored = [stroke * [1, -1] for stroke in STROKES_MM]
     assert_places(demonstrations(path, "--y-down", *options), mirrored)
 

@@ -88,3 +88,25 @@ def test_a_damaged_hand_is_one_sentence(folder: Path) -> None:
     with pytest.raises(PentimentoError, match=r"ann\.npz holds no decoder"):
         stage.main(argparse.Namespace(tool="marker", out=folder / "strokes"))
     assert not (folder / "strokes").exists()
+
+
+def test_an_npz_of_paths_and_pictures_becomes_the_table(folder: Path) -> None:
+    t = np.linspace(0, 1, 5)
+    path = np.stack([np.stack([10 + 20 * t, 15 + 5 * number + 0 * t, t], axis=-1) for number in range(3)])
+    after = np.full((3, 60, 80, 3), 255, np.uint8)
+    after[:, 20:40, 20:60] = 30
+    np.savez(folder / "pairs.npz", path=path, before=np.full_like(after, 255), after=after)
+    params = read_params(folder / "params.yaml")
+    params["collect_strokes"]["source"] = {"brush": "pairs.npz"}
+    YAML(typ="safe").dump(params, folder / "params.yaml")
+    with pytest.raises(ConfigError, match=r"pairs has no entry for it: an \.npz needs one"):
+        stage.main(argparse.Namespace(tool="brush", out=folder / "strokes"))
+    assert not (folder / "strokes").exists()
+    of_brush = {"unit_m": "1 mm", "press_m": "2 mm", "window_m": ["0 mm", "0 mm", "40 mm", "30 mm"]}
+    params["collect_strokes"]["pairs"] = {"brush": of_brush}
+    YAML(typ="safe").dump(params, folder / "params.yaml")
+    stage.main(argparse.Namespace(tool="brush", out=folder / "strokes"))
+    rows = read_table(folder / "strokes", CONTRACT).table.to_pylist()
+    assert len(rows) == 3 and (folder / "strokes/contact_sheet.png").is_file()
+    for row, made in zip(rows, path, strict=True):
+        np.testing.assert_allclose(np.array(row["path"])[:, 1:4], 1e-3 * made * [1, 1, -2], atol=1e-7)

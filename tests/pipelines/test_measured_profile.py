@@ -15,9 +15,11 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.plan import read_plan
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table, write_table
+from pentimento.dynamics.strokes.samples import load_samples
 from pipelines._config import load_section
 from pipelines._imports import ROOT
 from pipelines._params import overlaid, read_params, read_yaml, resolved, sections_of
+from pipelines.collect_strokes import main as collect
 from pipelines.plan_painting import PlanPainting
 from pipelines.report import main as report
 
@@ -102,6 +104,19 @@ def test_from_recorded_strokes_to_the_report(stage_folder: Path) -> None:
         assert words in page
     assert "speed_width" in page and "the paths have no times" in page
     assert str(MEASURED) not in page and "Co-painting" not in page and "Sculpting" not in page
+
+
+@pytest.mark.skipif(not MEASURED, reason=f"{VARIABLE} does not name a folder of recorded strokes")
+def test_pairs_of_pictures_are_collected_with_the_ink_along_the_paths(stage_folder: Path) -> None:
+    params = resolved(overlaid(ROOT, "measured"))
+    YAML(typ="safe").dump({"collect_strokes": params["collect_strokes"]}, stage_folder / "params.yaml")
+    (tool,) = params["collect_strokes"]["pairs"]
+    collect(_arguments("collect_strokes", tool=tool))
+    table = read_table(Path("data/strokes", tool), CONTRACT).table
+    assert set(table["frame"].to_pylist()) == {"stroke"} and table.num_rows > 50
+    samples = load_samples(table, 16, pixels_per_m=1000.0, margin_m=0.012)
+    inked = samples.ink.flatten(1).any(dim=1)
+    assert inked.float().mean() > 0.9  # ink is that which touches a path
 
 
 def _run(tool: str) -> None:

@@ -24,6 +24,8 @@ def _import(arguments: argparse.Namespace) -> None:
         imported = import_lerobot(arguments.paths, _description_of_dataset(arguments), arguments.out)
     elif arguments.paths.suffix.lower() in SUFFIXES:
         imported = _import_pen(arguments)
+    elif arguments.paths.suffix.lower() == ".npz":
+        imported = _import_arrays(arguments)
     else:
         imported = _import_csv(arguments)
     print_imported(imported, arguments.out)
@@ -110,6 +112,18 @@ def _import_pen(arguments: argparse.Namespace) -> Imported:
     return import_photo_pairs(
         arguments.paths, arguments.photos, placement, arguments.tool, arguments.out, strokes=strokes
     )
+
+
+def _import_arrays(arguments: argparse.Namespace) -> Imported:
+    from pentimento.io.pair_arrays import import_pair_arrays, read_pairs
+
+    unwanted = ("photos", "page", "blank", "video", "markers", "action", "camera", "hand")
+    _needs(arguments, ("tool", "units"), unwanted=unwanted, of=f"{arguments.paths}, arrays with pictures,")
+    pairs = read_pairs(arguments.paths, _unit_m(arguments) or 1.0, _press_m(arguments))
+    way, other = ("down", "--y-up") if arguments.y_down else ("up", "--y-down")
+    for sentence in (*pairs.assumed, f"y points {way}; else give {other}."):
+        print(sentence)
+    return import_pair_arrays(arguments.paths, pairs, _placement(arguments), arguments.tool, arguments.out)
 
 
 def _y_down(arguments: argparse.Namespace) -> bool | None:
@@ -222,14 +236,15 @@ _ROWS = option("rows", type=Path, metavar="ROWS", help="strokes: a Parquet file,
 COMMANDS = (
     Command(
         "import",
-        "recorded strokes: a CSV of paths with pictures or videos, pen strokes (InkML, UNIPEN, SVG), a LeRobot dataset",
+        "recorded strokes: a CSV of paths with pictures or videos, both in an .npz, pen strokes (InkML, UNIPEN, SVG), "
+        "a LeRobot dataset",
         (
             option(
                 "paths",
                 type=Path,
                 metavar="PATHS",
-                help="CSV: stroke, t_s, x_mm, y_mm, z_mm (or press_mm), …; pen strokes: .inkml, .svg or .unipen (.upn, "
-                ".unp, .dat); or the folder of a LeRobot v3.0 dataset",
+                help="CSV: stroke, t_s, x_mm, y_mm, z_mm (or press_mm), …; .npz with path, before, after; pen strokes: "
+                ".inkml, .svg or .unipen (.upn, .unp, .dat); or the folder of a LeRobot v3.0 dataset",
             ),
             option(
                 "--photos",
@@ -260,7 +275,11 @@ COMMANDS = (
                 help="CSV marker, x_mm, y_mm, side_mm of four or more ArUco markers, which rectify --video or --page",
             ),
             option("--hand", metavar="NAME", help="who drew pen strokes without pictures: they become demonstrations"),
-            option("--press", metavar="LENGTH", help="of pen strokes with pictures: how deep, at full pressure"),
+            option(
+                "--press",
+                metavar="LENGTH",
+                help="of pen strokes with pictures: how deep, at full pressure; of .npz: where z is 1",
+            ),
             option(
                 "--action",
                 metavar="NAMES",
@@ -270,7 +289,7 @@ COMMANDS = (
             option(
                 "--units",
                 metavar="UNIT",
-                help="of length, of a dataset (metres by default) or of pen strokes: mm, or '0.01 mm'",
+                help="of length, of a dataset (metres by default), of pen strokes or of .npz: mm, or '0.01 mm'",
             ),
             option(
                 "--window",
@@ -291,7 +310,7 @@ COMMANDS = (
                 exclusive="y",
                 help="y grows downwards in PATHS, from the photograph's top",
             ),
-            option("--y-up", action="store_true", exclusive="y", help="y grows upwards in pen strokes"),
+            option("--y-up", action="store_true", exclusive="y", help="y grows upwards in pen strokes and .npz"),
             option("--tool", metavar="NAME", help="that made the strokes"),
             option("--out", required=True, type=Path, metavar="FOLDER", help="for the table and its data card"),
         ),

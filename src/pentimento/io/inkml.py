@@ -3,6 +3,9 @@
 Read are traces in groups and out of them, with their contexts, trace formats and brushes; channels X, Y, Z, T, F, OTx
 and OTy; differences, hexadecimal numbers and wildcards. Archival and streaming style both work: a context that stands
 among the traces holds for those after it. Mappings that move the ink are refused by name.
+
+Where the orientation of a channel is +ve, which is the default, X grows to the right, Y downwards, and Z upwards from
+the surface; with -ve the other way. Source: the table of channel names at https://www.w3.org/TR/InkML/#channel.
 """
 
 from __future__ import annotations
@@ -157,7 +160,7 @@ class _Ink:
         about = self._about(context)
         for name in ("OTx", "OTy"):
             if name in columns and np.isfinite(columns[name]).any():
-                factor = self._unit(by_name[name], _ANGLES_RAD, "deg", "Tilts have")
+                factor = _sign(by_name[name]) * self._unit(by_name[name], _ANGLES_RAD, "deg", "Tilts have")
                 about[f"tilt_{name[-1]}_rad"] = float(np.nanmean(columns[name]) * factor)
         if "F" not in columns:
             return points, about, np.nan
@@ -167,7 +170,6 @@ class _Ink:
 
     def _length_m(self, channel: Element, context: _Context) -> float:
         """Metres of the unit of a channel, with the sign of its orientation."""
-        sign = -1.0 if channel.get("orientation") == "-ve" else 1.0
         own = self._own_length_m(channel, context)
         if own is not None and self._unit_m is not None and channel.get("name") != "Z":
             raise ConfigError(f"{self._path} has units of its channel {channel.get('name')}; leave --units out.")
@@ -176,7 +178,7 @@ class _Ink:
                 f"{self._path} has no unit of length of its channel {channel.get('name')}; give --units, such as mm "
                 "or '0.01 mm'."
             )
-        return sign * float(own if own is not None else self._unit_m or 0.0)
+        return _sign(channel) * float(own if own is not None else self._unit_m or 0.0)
 
     def _own_length_m(self, channel: Element, context: _Context) -> float | None:
         """The resolution counts where values are whole numbers of a device: their units then are those of its range."""
@@ -219,6 +221,14 @@ def _channels(trace_format: Element | None) -> list[Channel]:
     late = {id(each) for part in trace_format.iter("intermittentChannels") for each in part.iter("channel")}
     found = [Channel(each.get("name", ""), each, id(each) not in late) for each in trace_format.iter("channel")]
     return sorted(found, key=lambda channel: not channel.regular)
+
+
+def _sign(channel: Element) -> float:
+    """The direction in which a channel grows."""
+    orientation = channel.get("orientation", "+ve")
+    if orientation not in ("+ve", "-ve"):
+        raise ValueError(f"the orientation of channel {channel.get('name')} is {orientation[:20]!r}, not +ve or -ve")
+    return 1.0 if orientation == "+ve" else -1.0
 
 
 def _number(text: str, what: str) -> float:

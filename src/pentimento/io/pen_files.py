@@ -34,23 +34,23 @@ def read_pen(path: Path, unit_m: float | None, y_down: bool | None) -> PenFile:
 
     Args:
         unit_m: length of its unit, where the file does not say it (in SVG: of a user unit).
-        y_down: whether y grows downwards; None: as in most files of the format.
+        y_down: whether y grows downwards; None: as the format has it.
 
     Raises:
         ContractError: the file does not follow its format.
         ConfigError: its unit is unknown, or known twice.
     """
-    name, read = {".svg": ("SVG", _read_svg), ".inkml": ("InkML", read_inkml)}.get(
-        path.suffix.lower(), ("UNIPEN", read_unipen)
-    )
+    why, read = {
+        ".svg": ("as SVG defines it", _read_svg),
+        ".inkml": ("as InkML defines it where a channel's orientation is +ve", read_inkml),
+    }.get(path.suffix.lower(), ("as UNIPEN's own tools draw it", read_unipen))
     found = read(path, unit_m)
     if any((np.abs(stroke.points[:, XY]) > _FARTHEST_M).any() for stroke in found.strokes):
         raise ContractError(f"{path} has points more than {_FARTHEST_M:g} m from its origin; check its unit of length.")
     if y_down is not None:
         return found._replace(y_down=y_down)
     way, other = ("down: flipped", "--y-up") if found.y_down else ("up", "--y-down")
-    usual = f"y points {way}, as usual in {name}; else give {other}."
-    return found._replace(assumed=[*found.assumed, usual])
+    return found._replace(assumed=[*found.assumed, f"y points {way}, {why}; else give {other}."])
 
 
 def _read_svg(path: Path, unit_m: float | None) -> PenFile:

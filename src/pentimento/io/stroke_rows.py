@@ -161,6 +161,8 @@ def row_of(
 ) -> dict[str, Any]:
     """Return a row of the pictures [h, w, 3] of a window [4]; path [N, 5] and window are in the canvas frame.
 
+    If ``given`` names another ``frame``, they are in that one.
+
     Raises:
         Refused: the row would break the contract.
     """
@@ -169,7 +171,7 @@ def row_of(
         "window_m": window_m.tolist(),
         "before": {"bytes": encode_png(before), "path": None},
         "after": {"bytes": encode_png(after), "path": None},
-        "frame": "canvas",
+        "frame": given.get("frame", "canvas"),
     }  # fmt: skip
     fault = row_faults(table_of([row], list(stroke.about)), CONTRACT)[0]
     if fault is not None:

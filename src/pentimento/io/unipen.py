@@ -3,6 +3,9 @@
 Read are the points between `.PEN_DOWN` and `.PEN_UP`, as `.COORD` names their values: X, Y, and T (milliseconds) and P
 (pressure) where there are such. Without T, points are equally spaced by `.POINTS_PER_SECOND`. Segments, labels and
 other keywords are passed over.
+
+Y is taken to grow upwards: so draw the tools of the format's authors (uptools3: `Tools/Unipen2eps/unipen2eps.c`,
+`Tools/Upread2/output_image.c`). Programs that write screen coordinates make files in which it grows downwards.
 """
 
 from __future__ import annotations
