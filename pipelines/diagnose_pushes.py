@@ -21,10 +21,10 @@ from pentimento.diagnosis.pushes.write import (
     validate_correction,
     write_push_diagnosis,
 )
-from pentimento.dynamics.pushes.analytic_correction import FILE, correction_as_json
 from pentimento.dynamics.pushes.evaluation import predict
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.push_model import read_push_model, write_push_model
+from pentimento.planning.pushes.analytic.correction import FILE, correction_as_json
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, verdict_metrics, write_json
 from pipelines._tracking import tracked_run

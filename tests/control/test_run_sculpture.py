@@ -28,7 +28,7 @@ from tests.planning.pushes.clay import PressedClay
 def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A bundle with a push model of foam, with the tests' model of clay in place of its graphs."""
     folder = add_clay(write_tiny_bundle(tmp_path / "bundle"))
-    monkeypatch.setattr(module, "GraphClay", lambda *_: PressedClay(window_m=np.array(FACTS.window_m)))
+    monkeypatch.setattr(module, "clay_members", lambda *_: (PressedClay(window_m=np.array(FACTS.window_m)),))
     return folder
 
 

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from pentimento.bundle.graphs import GraphClay, Graphs
+from pentimento.bundle.clays import clay_members
+from pentimento.bundle.graphs import Graphs
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError, PentimentoError
@@ -111,10 +112,11 @@ def run_sculpture(
                 goal = _goal(commission, settings, seen_m(robot.scan())[0], robot.area_m)
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
-                members=(GraphClay(Graphs(bundle), name, facts),),
+                members=clay_members(Graphs(bundle), name),
                 config=replace(settings.planner, seed=commission.seed), execution=settings.execution,
                 count=commission.actions,
-                session=Session(f"sculpture-{commission.material}-{commission.seed}-{sessions}", 0.0), item=0,
+                # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
+                session=Session(f"sculpture-{commission.material}-{commission.seed}", 0.0), item=0,
                 record=lambda row: write_push(folder / RECORD, row),
             )  # fmt: skip
             return _sculpt(sculptor, folder, saved, sessions, control=control, progress=progress)
