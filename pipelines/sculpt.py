@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.control.sculptor import Sculpture, reach_for, sculpt, seen_m
 from pentimento.dynamics.pushes.push_model import planned_members, read_push_model
-from pentimento.goals3d.evaluation import LetterClassifier, classify_sculpture, goal_errors
+from pentimento.goals3d.evaluation import goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import Up, relief_of
 from pentimento.planning.objectives import ClayObjective
@@ -35,6 +36,8 @@ from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector, load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot
+from pentimento.semantics.depth import depth_relief
+from pentimento.semantics.letter_classifier import LetterClassifier, classify_sculpture
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
@@ -166,11 +169,9 @@ def _robot(setting: Setting, end_effector: EndEffector, config: Sculpt) -> Sculp
 def _goal(wanted: Wanted, height: Array, setting: Setting, robot: SculptingRobot) -> GoalFit:
     sculpting = setting.sculpting
     soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
-    depth_model = None if setting.depth_model is None else Path(setting.depth_model)
+    depth = None if setting.depth_model is None else partial(depth_relief, folder=Path(setting.depth_model))
     shape = (height.shape[0], height.shape[1])
-    relief = relief_of(
-        wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth_model=depth_model, up=wanted.up
-    )
+    relief = relief_of(wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth=depth, up=wanted.up)
     return fit_goal(relief, height, replace(sculpting.fit, depth_m=wanted.depth_m))
 
 

@@ -12,8 +12,9 @@ from PIL import Image
 
 from pentimento.contracts.errors import ImageError
 from pentimento.contracts.height_maps import encode_height_png
-from pentimento.goals3d.sources import depth_relief, height_file_relief, mesh_relief, plain_relief, relief_of, top_of
+from pentimento.goals3d.sources import height_file_relief, mesh_relief, plain_relief, relief_of, top_of
 from pentimento.planning.pushes.goal import GoalError
+from pentimento.semantics.depth import depth_relief
 
 RAMP = np.tile(np.linspace(0.01, 0.03, 24), (16, 1))
 
