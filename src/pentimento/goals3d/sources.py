@@ -85,6 +85,22 @@ def relief_of(
     return soften(place(relief, shape, share), soften_px)
 
 
+def height_source(path: Path, tell: Callable[[str], None]) -> str:
+    """The source for ``relief_of`` of a file that holds heights, of 8 bits as well.
+
+    Raises:
+        GoalError: there is no such file, or it is of another kind.
+    """
+    _existing(str(path))
+    suffix = path.suffix.lower()
+    if suffix in MESHES:
+        raise GoalError(f"{path} is a mesh; give it with --goal-mesh.")
+    if suffix == ".npy" or (suffix in HEIGHTS and decode_deep(path.read_bytes(), str(path)) is not None):
+        return str(path)
+    tell(f"{path} has 8 bits: its heights are in 256 steps. Save heights with 16 bits, or as .npy.")
+    return f"heights:{path}"
+
+
 def print_to_stderr(sentence: str) -> None:
     """For what a caller of this module does not ask to be told otherwise."""
     print(sentence, file=sys.stderr)
