@@ -15,11 +15,6 @@ from pentimento.planning.pushes.rollout import EnsembleRollout
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
-_GRID = np.array([1e-4, 1e-4, 1e-3, 1e-4, 1e-5])
-"""Steps of planned actions (m, m, rad, m, m), finer than robots are. PyTorch and the exported graphs differ in the
-seventh digit; on the grid, they command the same pushes, so that one sculpture does not drift from the other.
-"""
-
 
 @dataclass(frozen=True)
 class PushPlan:
@@ -59,7 +54,7 @@ def plan(
             actions, _ = descend(actions, height_m, foresight, reach=reach, config=config)
         elif config.refine == "cross_entropy":
             actions, _ = cross_entropy(actions, height_m, foresight, reach=reach, config=config, rng=rng)
-    return predicted(reach.keep_within(np.round(actions / _GRID) * _GRID), height_m, foresight)
+    return predicted(actions, height_m, foresight)
 
 
 def predicted(actions: FloatArray, height_m: Array, foresight: EnsembleRollout) -> PushPlan:
