@@ -113,3 +113,8 @@ def test_split_hidden_removes_only_hidden_causes() -> None:
     both = split_hidden(base.plus(swell, backlash), lambda model: model)
     assert both is not None
     assert [len(model.mechanisms) for model in both] == [2, 1]
+
+
+def test_a_covariate_is_never_extrapolated() -> None:
+    known = Range(10.0, 20.0, 40.0)
+    assert [known.expected(value) for value in (None, float("nan"), 5.0, 30.0, 90.0)] == [20.0, 20.0, 10.0, 30.0, 40.0]
