@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from pentimento.contracts.errors import PentimentoError
-from pentimento.control.commission import Wanted
+from pentimento.control.commission import ClayGoal, Wanted
 from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
 from pentimento.control.run_sculpture import clay_commission_of, run_sculpture
@@ -40,7 +40,11 @@ def paint(arguments: argparse.Namespace) -> None:
 def sculpt(arguments: argparse.Namespace) -> None:
     """Sculpt into `--out`, likewise."""
     commission = clay_commission_of(
-        arguments.bundle, arguments.material, arguments.letter, actions=arguments.pushes, seed=arguments.seed
+        arguments.bundle,
+        arguments.material,
+        ClayGoal("letter", arguments.letter),
+        actions=arguments.pushes,
+        seed=arguments.seed,
     )
     run_sculpture(commission, arguments.out, resume=False, control=Control(), progress=Progress())
 

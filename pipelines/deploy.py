@@ -9,9 +9,10 @@ from pathlib import Path
 from pentimento.bundle.reader import MANIFEST, open_bundle
 from pentimento.contracts.errors import ContractError
 from pentimento.copainting.goal.planner import load_goal_planner
-from pentimento.deploy.bundle import DeployConfig, Models, write_bundle
+from pentimento.deploy.bundle import DeployConfig, Models, check_deployed_clays, write_bundle
 from pentimento.dynamics.pushes.push_model import read_push_model
 from pentimento.dynamics.strokes.extended import read_stroke_model
+from pentimento.planning.pushes.analytic.correction import FILE, read_correction
 from pentimento.planning.strokes.latent import StyleDecoder, read_decoder
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
@@ -40,11 +41,17 @@ def main(arguments: argparse.Namespace) -> None:
             goal_folder=arguments.goal,
             pushes={material: read_push_model(pushes[f"push_{material}"]) for material in arguments.materials},
             digests={name: input_digest(path) for name, path in inputs.items()},
+            corrections={
+                material: read_correction(pushes[f"push_{material}"] / FILE)
+                for material in arguments.materials
+                if (pushes[f"push_{material}"] / FILE).is_file()
+            },
             hands={} if arguments.hands is None else _hands(arguments.hands),
         )
         write_bundle(out, models, config)
-        open_bundle(out)  # a bundle that the runner would refuse fails here
-        run.log_metrics(json.loads((out / "metrics.json").read_text()))
+        bundle = open_bundle(out)  # a bundle that the runner would refuse fails here
+        differences = check_deployed_clays(bundle, models, config.tolerance)
+        run.log_metrics(json.loads((out / "metrics.json").read_text()) | {"push_models": differences})
         run.tag("manifest", hashlib.sha256((out / MANIFEST).read_bytes()).hexdigest())
 
 

@@ -4,11 +4,14 @@ import argparse
 import json
 import shutil
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT
@@ -21,10 +24,10 @@ from pentimento.diagnosis.pushes.write import (
     validate_correction,
     write_push_diagnosis,
 )
-from pentimento.dynamics.pushes.analytic_correction import FILE, correction_as_json
 from pentimento.dynamics.pushes.evaluation import predict
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.push_model import read_push_model, write_push_model
+from pentimento.planning.pushes.analytic.correction import FILE, correction_as_json
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, verdict_metrics, write_json
 from pipelines._tracking import tracked_run
@@ -46,12 +49,13 @@ def main(arguments: argparse.Namespace) -> None:
     config = load_section(Path("params.yaml"), "diagnose_pushes", DiagnosePushes)
     single_threaded()
     inputs = {"pushes": arguments.pushes, "base": arguments.base}
+    inputs |= {f"run_{number}": folder for number, folder in enumerate(arguments.runs)}
     with (
         tracked_run("diagnose_pushes", arguments.material, asdict(config), inputs) as run,
         output_folder(arguments.gap) as gap,
         output_folder(arguments.out) as out,
     ):
-        table = read_table(arguments.pushes, CONTRACT).table
+        table = with_runs(read_table(arguments.pushes, CONTRACT).table, arguments.runs)
         found = write_push_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
         (samples, _), network = load_pushes(table), read_push_model(arguments.base)
         unseen = arguments.base / "held_out_actions.json"
@@ -69,6 +73,35 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
         print(_summary(fitted), file=sys.stderr)
+
+
+def with_runs(table: pa.Table, runs: Sequence[Path]) -> pa.Table:
+    """The pushes of a collection, followed by those that the runner recorded in these folders.
+
+    Each run is a session of its own, and none of its actions repeats one of the collection.
+
+    Raises:
+        ContractError: a run is of another material or end-effector.
+    """
+    parts = [table]
+    for number, folder in enumerate(runs):
+        rows = read_table(folder, CONTRACT).table
+        for name in ("material", "tool"):
+            known, found = (set(part[name].to_pylist()) for part in (table, rows))
+            if found - known:
+                raise ContractError(
+                    f"{folder} holds pushes of the {name} {', '.join(sorted(found - known))} and the collection of "
+                    f"{', '.join(sorted(known))}: diagnose them apart, or leave it out of --runs."
+                )
+        first = 1 + max(pc.max(part["action_id"]).as_py() for part in parts)
+        for name, values in (
+            ("action_id", pc.add(rows["action_id"], pa.scalar(first, pa.int32()))),
+            ("session", pc.binary_join_element_wise(f"run_{number}", rows["session"], "_")),
+        ):
+            at = rows.schema.get_field_index(name)
+            rows = rows.set_column(at, rows.schema.field(at), values)
+        parts.append(rows)
+    return pa.concat_tables(parts, promote_options="permissive")
 
 
 def _cross_fit_metrics(fitted: ValidatedCorrection) -> dict[str, Any]:
@@ -96,6 +129,13 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="diagnose_pushes", description=__doc__)
     parser.add_argument("--material", required=True)
     parser.add_argument("--pushes", required=True, type=Path)
+    parser.add_argument(
+        "--runs",
+        nargs="*",
+        default=[],
+        type=Path,
+        help="folders `pushes` of sculptures by `pentimento run`",
+    )
     parser.add_argument("--base", required=True, type=Path, help="the push model of train_push_dynamics")
     parser.add_argument("--gap", required=True, type=Path, help="folder for the verdict")
     parser.add_argument("--out", required=True, type=Path, help="folder for the push model that is planned with")

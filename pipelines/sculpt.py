@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,19 +22,22 @@ from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.control.sculptor import Sculpture, reach_for, sculpt, seen_m
-from pentimento.dynamics.pushes.analytic_correction import corrected
 from pentimento.dynamics.pushes.push_model import planned_members, read_push_model
-from pentimento.goals3d.evaluation import LetterClassifier, classify_sculpture, goal_errors
+from pentimento.goals3d.evaluation import goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import Up, relief_of
 from pentimento.planning.objectives import ClayObjective
+from pentimento.planning.pushes.analytic.correction import corrected
 from pentimento.planning.pushes.goal import GoalFit, fit_goal
+from pentimento.planning.pushes.memory import PushMemory
 from pentimento.planning.pushes.plan import PushPlan, plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector, load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot
+from pentimento.semantics.depth import depth_relief
+from pentimento.semantics.letter_classifier import LetterClassifier, classify_sculpture
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
@@ -107,7 +111,7 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         end_effector = load_end_effector(setting.end_effector)
         robot = _robot(setting, end_effector, config)
-        window_m = robot.scan().window_m
+        window_m = np.array([0.0, 0.0, *robot.area_m])
         model = read_push_model(arguments.model)
         if model.facts.contexts[0] != (arguments.material, end_effector.name):
             raise ConfigError(
@@ -118,6 +122,7 @@ def main(arguments: argparse.Namespace) -> None:
         reader = LetterClassifier(config.classifier_letters, config.classifier_examples, config.seed)
         session = Session(f"sculpture-{arguments.material}-{config.seed}", robot.clock_s)
         rows: list[dict[str, Any]] = []
+        executed: tuple[NDArray[np.float64], ...] = ()
         frames: list[NDArray[np.uint8]] = []
         goals: dict[str, Any] = {}
         for number, wanted in enumerate(setting.goals):
@@ -127,15 +132,17 @@ def main(arguments: argparse.Namespace) -> None:
             height, _ = seen_m(robot.scan())
             fit = _goal(wanted, height, setting, robot)
             predicted = _predicted(
-                height, fit, members, end_effector=end_effector, robot=robot, sculpting=sculpting, number=number
-            )
+                height, fit, members, end_effector=end_effector, robot=robot, sculpting=sculpting, number=number,
+                memory=PushMemory(executed, {}),
+            )  # fmt: skip
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
                 config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
-                item=number, log=run.log_under(name),
+                item=number, log=run.log_under(name), earlier=executed,
             )  # fmt: skip
             _pictures(folder, window_m, fit, predicted, sculpture)
             rows += sculpture.rows
+            executed = (*executed, *sculpture.actions)
             frames += [
                 photograph(each, window_m, 2) for each in sculpture.heights_m[:: sculpting.execution.replan_every]
             ]
@@ -162,11 +169,9 @@ def _robot(setting: Setting, end_effector: EndEffector, config: Sculpt) -> Sculp
 def _goal(wanted: Wanted, height: Array, setting: Setting, robot: SculptingRobot) -> GoalFit:
     sculpting = setting.sculpting
     soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
-    depth_model = None if setting.depth_model is None else Path(setting.depth_model)
+    depth = None if setting.depth_model is None else partial(depth_relief, folder=Path(setting.depth_model))
     shape = (height.shape[0], height.shape[1])
-    relief = relief_of(
-        wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth_model=depth_model, up=wanted.up
-    )
+    relief = relief_of(wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth=depth, up=wanted.up)
     return fit_goal(relief, height, replace(sculpting.fit, depth_m=wanted.depth_m))
 
 
@@ -179,10 +184,11 @@ def _predicted(
     robot: SculptingRobot,
     sculpting: SculptingSettings,
     number: int,
+    memory: PushMemory,
 ) -> PushPlan:
     """Plan all actions at once from the candidates alone, without execution in between."""
     objective = ClayObjective(fit.height_m, members[0].window_m, sculpting.planner.weights)
-    foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight)
+    foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight, memory=memory)
     reach = reach_for(end_effector, robot.area_m, sculpting.planner.edge_m)
     whole = replace(sculpting.planner, horizon=sculpting.actions, rounds=0, refine="none")
     return plan(height, foresight, reach, config=whole, count=sculpting.actions, item=(number, 0))

@@ -37,8 +37,8 @@ from pentimento.diagnosis.rule import DecisionRule
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.problem import stroke_problem
 from pentimento.diagnosis.strokes.quarantine import usable_rows
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY as PUSH_CAUSES
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY as STROKE_CAUSES
+from pentimento.planning.pushes.analytic.mechanisms import VOCABULARY as PUSH_CAUSES
 from studies.another_clay.session import recorded as recorded_pushes
 from studies.another_clay.table import WORLDS as PUSH_WORLDS
 from studies.another_simulator.session import recorded as recorded_strokes

@@ -21,13 +21,14 @@ from pentimento.contracts.images import write_png
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import execute_push
 from pentimento.control.sculptor import sculpt, seen_m
-from pentimento.goals3d.evaluation import LetterClassifier, classify_sculpture, goal_errors
+from pentimento.goals3d.evaluation import goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import relief_of
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.goal import fit_goal
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector
+from pentimento.semantics.letter_classifier import LetterClassifier, classify_sculpture
 from studies.sculpting.clay import Settings, model_of, robot_with, settings
 
 DEPTH_M = (0.0015, 0.002, 0.0027, 0.0036, 0.005, 0.0095)

@@ -68,7 +68,7 @@ def styles() -> Graphs:
     entries = {n: GraphEntry(n, g.inputs, g.outputs, g.parity, 1e-4, ()) for n, g in exported.items()}
     contents = {name: graph.content for name, graph in exported.items()}
     manifest = replace(open_bundle(small_bundle()[0]).manifest, graphs=entries, styles={"style": facts})
-    return Graphs(Bundle(small_bundle()[0], "", manifest, {}, contents, None, {}))
+    return Graphs(Bundle(small_bundle()[0], "", manifest, {}, contents, None, {}, {}))
 
 
 def some_strokes(count: int) -> tuple[Strokes, dict[str, Array]]:

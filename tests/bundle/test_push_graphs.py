@@ -12,7 +12,7 @@ from tests.control.sculpting_bundle import FACTS, add_clay
 
 def test_graph_clay_pull_is_the_derivative(tmp_path: Path) -> None:
     bundle = open_bundle(add_clay(write_tiny_bundle(tmp_path / "bundle")))
-    clay = GraphClay(Graphs(bundle), "clay_foam", FACTS)
+    clay = GraphClay(Graphs(bundle), "clay_foam_0", FACTS)
     rng = np.random.default_rng(0)
     height = (0.04 + 1e-3 * rng.standard_normal(FACTS.shape)).astype(np.float32)
     action = np.array([0.08, 0.11, 0.7, 0.02, 0.006])

@@ -305,7 +305,7 @@ def test_open_bundle_rejects_an_envelope_wider_than_the_local_one(bundle: Path) 
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"schema": 1}, "schema 1 and this version reads 7; write the bundle again with the stage deploy"),
+        ({"schema": 1}, "schema 1 and this version reads 8; write the bundle again with the stage deploy"),
         ({"sculpting": {"clay_foam": to_plain(SETTINGS)}}, "refers to 'clay_foam'"),
         ({"schema": "1"}, "schema '1'"),
         ({"more": 1}, r"unknown keys \['more'\]"),

@@ -22,7 +22,7 @@ from tests.bundle.tiny_bundle import add_graphs, change, numbers, relist
 from tests.planning.pushes.settings import CONFIG
 
 PIXELS, SIDE_M = 48, 0.2
-FACTS = ClayFacts("ball", "push", (0.0, 0.0, SIDE_M, SIDE_M), (PIXELS, PIXELS), 0.03, 0.01)
+FACTS = ClayFacts("ball", "push", (0.0, 0.0, SIDE_M, SIDE_M), (PIXELS, PIXELS), 0.03, 0.01, 1, None)
 SETTINGS = SculptingSettings(
     actions=60, side_share=0.7, edge_blur_m=0.0028,
     fit=GoalSettings(
@@ -108,7 +108,7 @@ PULL = f"""
 
 def add_clay(folder: Path) -> Path:
     """Add the push model to a bundle."""
-    add_graphs(folder, {"clay_foam_after": AFTER, "clay_foam_pull": PULL}, "push_foam")
+    add_graphs(folder, {"clay_foam_0_after": AFTER, "clay_foam_0_pull": PULL}, "push_foam")
     (folder / "end_effectors").mkdir()
     ball = (resources.files("pentimento.robots") / "end_effectors" / "ball.toml").read_bytes()
     (folder / "end_effectors/ball.toml").write_bytes(ball)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from pentimento.contracts.covariates import PICKUP_COLUMNS
@@ -19,6 +20,11 @@ from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.simulation import Mechanism
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
+from pentimento.planning.pushes.analytic.correction import Correction, Range
+from pentimento.planning.pushes.analytic.mechanisms.stiffness_drift import StiffnessDrift
+from pentimento.planning.pushes.analytic.mechanisms.tool_backlash import ToolBacklash
+from pentimento.planning.pushes.analytic.mechanisms.work_hardening import WorkHardening
+from pentimento.planning.pushes.analytic.model import BASE, START, AnalyticPush
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.semantics.encoder import Encoder, new_model
 from tests.bundle.small_hands import HAND_POINTS, small_hand
@@ -81,15 +87,27 @@ def small_models(folder: Path) -> Models:
     save_goal_planner(goal, folder / "goal")
     return Models(
         {"marker": stroke_model()}, encoder, folder / "encoder", goal, folder / "goal", {"foam": push_model()}, DIGESTS,
-        {"arcs": small_hand("arcs"), "anna": small_hand("anna")},
+        {"arcs": small_hand("arcs"), "anna": small_hand("anna")}, {"foam": push_correction()},
     )  # fmt: skip
 
 
+def push_correction() -> Correction:
+    """The material hardens where it was pushed and stiffens with time, and the arm has play along x."""
+    base = AnalyticPush(0.012, np.array([START[name] for name in BASE]), ())
+    time = {"time_column": 0.0, "time_middle": 300.0, "time_half": 300.0}
+    causes = (
+        WorkHardening(np.array([0.3, 0.8]), {}),
+        StiffnessDrift(np.array([-0.2, 0.0]), time),
+        ToolBacklash(np.array([1e-3, 0.0]), {}),
+    )
+    return Correction(base.plus(*causes), base, 0.008, {"t_start_s": Range(0.0, 300.0, 600.0)})
+
+
 def push_model() -> PushModel:
-    """An untrained one, in which the tool presses."""
+    """An untrained ensemble, in which the tool presses."""
     torch.manual_seed(0)
-    model = PushModel(PushFacts("push", (("foam", "ball"),), Crop(24, 500.0, 0.014), 4, 0.02, 0.008, 1))
-    for member in model.members:
+    model = PushModel(PushFacts("push", (("foam", "ball"),), Crop(24, 500.0, 0.014), 4, 0.02, 0.008, 2))
+    for number, member in enumerate(model.members):
         assert isinstance(member, Param2Deform)
-        member.tool.data[:, 4] = 0.8
+        member.tool.data[:, 4] = 0.7 + 0.1 * number
     return model.eval().requires_grad_(False)

@@ -7,14 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pentimento.bundle.graphs import GraphClay, Graphs
+from pentimento.bundle.clays import clay_members
+from pentimento.bundle.graphs import Graphs
 from pentimento.bundle.reader import open_bundle
 from pentimento.contracts.errors import ConfigError
 from pentimento.control.safety import envelope_for
-from pentimento.deploy.bundle import bundle_card, write_bundle
+from pentimento.deploy.bundle import bundle_card, check_deployed_clays, write_bundle
+from pentimento.deploy.graphs import ParityError
 from pentimento.deploy.stroke_graphs import MARKS, STROKES
 from pentimento.deploy.words import taught_vocabulary
-from pentimento.dynamics.pushes.push_model import planned_clay
+from pentimento.dynamics.pushes.push_model import planned_members
+from pentimento.planning.pushes.analytic.correction import CorrectedClay
+from pentimento.planning.pushes.memory import FRESH, PushMemory
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks
 from pentimento.robots.tools import load_tool
@@ -64,12 +68,32 @@ def test_push_model_of_the_bundle_agrees_with_pytorch() -> None:
     facts = bundle.manifest.clays["clay_foam"]
     assert (facts.end_effector, facts.kind, facts.shape) == ("ball", "push", (40, 50))
     assert "end_effectors/ball.toml" in bundle.contents
+    deployed, diagnosed = clay_members(Graphs(bundle), "clay_foam"), diagnosed_members()
+    assert len(deployed) == 2
     height = (0.04 + 5e-4 * np.random.default_rng(0).standard_normal(facts.shape)).astype(np.float32)
-    action = np.array([[0.05, 0.04, 0.7, 0.015, 0.006]])
+    actions = np.array([[0.05, 0.04, 0.7, 0.015, 0.006], [0.04, 0.04, 0.1, 0.01, 0.005]])
+    worked = PushMemory((actions[0], actions[0], actions[1]), {"t_start_s": 550.0})
+    for one, other in zip(deployed, diagnosed, strict=True):
+        for memory in (FRESH, worked):
+            after, expected = (model.after(height, actions, memory) for model in (one, other))
+            assert np.linalg.norm(after - expected) < 1e-4 * np.linalg.norm(expected - height)
+        # Where it was pushed before, and late in the session, a push goes less deep.
+        assert (one.after(height, actions) - one.after(height, actions, worked)).min() < -3e-4
+    assert check_deployed_clays(bundle, models, CONFIG.tolerance)["foam"] <= 1e-4
+
+
+def test_a_bundle_with_another_correction_than_the_diagnosed_one_is_refused() -> None:
+    folder, models = small_bundle()
+    foam = models.corrections["foam"]
+    deeper = replace(foam, extended=foam.extended.at(foam.extended.vector * 1.01))
+    with pytest.raises(ParityError, match="push model of foam differs from the diagnosed one"):
+        check_deployed_clays(open_bundle(folder), replace(models, corrections={"foam": deeper}), CONFIG.tolerance)
+
+
+def diagnosed_members() -> list[CorrectedClay]:
+    models = small_bundle()[1]
     window = np.array(CONFIG.clays["foam"].window_m)
-    carried = GraphClay(Graphs(bundle), "clay_foam", facts).after(height, action)
-    np.testing.assert_allclose(carried, planned_clay(models.pushes["foam"], window).after(height, action), atol=1e-7)
-    assert (carried[0] - height).min() < -1e-3
+    return [CorrectedClay(one, models.corrections["foam"]) for one in planned_members(models.pushes["foam"], window)]
 
 
 def test_bundle_carries_hands_and_its_card_says_whose_they_are() -> None:

@@ -10,7 +10,7 @@ from pentimento.bundle.graphs import GraphClay
 from pentimento.bundle.manifest import ClayFacts
 from pentimento.contracts.errors import ContractError
 from pentimento.deploy.graphs import Graph, session
-from pentimento.deploy.push_graphs import clay_graphs
+from pentimento.deploy.push_graphs import clay_facts, clay_graphs
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import Crop
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel, TorchClay, planned_clay
@@ -36,7 +36,9 @@ def clay() -> TorchClay:
 
 @pytest.fixture(scope="module")
 def exported(clay: TorchClay) -> tuple[ClayFacts, dict[str, Graph]]:
-    return clay_graphs("clay", clay, FACTS, shape=SHAPE, tolerance=1e-4, models=("push_foam",))
+    return clay_facts([clay], FACTS, SHAPE, None), clay_graphs(
+        "clay", clay, FACTS, shape=SHAPE, tolerance=1e-4, models=("push_foam",)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +93,7 @@ def test_push_graph_rejects_scan_with_holes(by_graphs: GraphClay) -> None:
 
 def test_push_graphs_have_facts_and_parity(exported: tuple[ClayFacts, dict[str, Graph]]) -> None:
     facts, graphs = exported
-    assert facts == ClayFacts("ball", "push", (0.0, 0.0, 0.1, 0.08), SHAPE, 0.02, 0.008)
+    assert facts == ClayFacts("ball", "push", (0.0, 0.0, 0.1, 0.08), SHAPE, 0.02, 0.008, 1, None)
     assert graphs["clay_after"].inputs[1].shape == ("pushes", 5)
     assert max(max(graph.parity.values()) for graph in graphs.values()) < 1e-4
     assert all(graph.models == ("push_foam",) for graph in graphs.values())

@@ -11,10 +11,10 @@ from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.problem import push_problem
 from pentimento.diagnosis.strokes.measured import load_measured
 from pentimento.diagnosis.strokes.problem import stroke_problem
-from pentimento.dynamics.pushes.mechanisms.far_field import FarField
-from pentimento.dynamics.pushes.mechanisms.volume_loss import VolumeLoss
 from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.path_offset import PathOffset
+from pentimento.planning.pushes.analytic.mechanisms.far_field import FarField
+from pentimento.planning.pushes.analytic.mechanisms.volume_loss import VolumeLoss
 from tests.dynamics.pushes.played_pushes import blank, mechanism, played
 
 

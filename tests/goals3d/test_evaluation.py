@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pentimento.goals3d.evaluation import LetterClassifier, goal_errors
+from pentimento.goals3d.evaluation import goal_errors
 from pentimento.goals3d.reliefs import letter_relief, place, soften
 from pentimento.planning.objectives import ClayObjective, Weights
+from pentimento.semantics.letter_classifier import LetterClassifier
 
 GOAL = np.random.default_rng(0).normal(0.04, 1e-3, (20, 20)).astype(np.float32)
 OBJECTIVE = ClayObjective(GOAL, (0.0, 0.0, 0.02, 0.02), Weights(1.0, 1.0))

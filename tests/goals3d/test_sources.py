@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import cv2
@@ -12,8 +13,10 @@ from PIL import Image
 
 from pentimento.contracts.errors import ImageError
 from pentimento.contracts.height_maps import encode_height_png
-from pentimento.goals3d.sources import depth_relief, height_file_relief, mesh_relief, plain_relief, relief_of, top_of
+from pentimento.goals3d import mesh_files
+from pentimento.goals3d.sources import height_file_relief, mesh_relief, plain_relief, relief_of, top_of
 from pentimento.planning.pushes.goal import GoalError
+from pentimento.semantics.depth import depth_relief
 
 RAMP = np.tile(np.linspace(0.01, 0.03, 24), (16, 1))
 
@@ -268,3 +271,96 @@ def test_relief_of_dispatches_on_source(tmp_path: Path) -> None:
         assert relief_of(source, (32, 32), 0.8, soften_px=1.0).shape == (32, 32)
     with pytest.raises(GoalError, match=r"no goal .nothing\.stl"):
         relief_of("nothing.stl", (32, 32), 0.8, soften_px=1.0)
+
+
+def test_the_unit_and_the_sense_of_a_mesh_are_of_no_importance(tmp_path: Path) -> None:
+    told: list[str] = []
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.03)
+    ball.export(tmp_path / "metres.stl")
+    ball.apply_scale(1000).export(tmp_path / "millimetres.stl")
+    ball.invert()
+    ball.export(tmp_path / "inverted.stl")
+    metres, millimetres, inverted = (
+        mesh_relief(tmp_path / f"{name}.stl", 32, tell=told.append) for name in ("metres", "millimetres", "inverted")
+    )
+    for other in (millimetres, inverted):  # a pixel at the rim may fall on the other side of it
+        assert (np.abs(other - 1000 * metres) > 1e-2).mean() < 0.01
+    assert len(told) == 1 and "inverted.stl: its faces point inwards" in told[0]
+
+
+def test_an_inverted_sheet_is_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    lines = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 1"]
+    for name, face in (("up", "f 1 2 3 4"), ("down", "f 4 3 2 1")):
+        (tmp_path / f"{name}.obj").write_text("\n".join([*lines, face]))
+        mesh_relief(tmp_path / f"{name}.obj", 8, "z", tell=told.append)
+    assert len(told) == 1 and "down.obj" in told[0]
+
+
+def test_a_mesh_that_seems_to_lie_on_its_back_is_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    trimesh.creation.box(extents=(4.0, 0.5, 4.0)).export(tmp_path / "face.stl")
+    mesh_relief(tmp_path / "face.stl", 16, tell=told.append)
+    assert "8.0 times as high as deep" in told[0] and "--up y" in told[0]
+    mesh_relief(tmp_path / "face.stl", 16, "y", tell=told.append)
+    assert len(told) == 1
+
+
+def test_a_huge_mesh_is_refused_in_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "ball.stl")
+    monkeypatch.setattr(mesh_files, "MAX_BYTES", 50_000)
+    with pytest.raises(GoalError, match="reduce it to a few hundred thousand faces"):
+        mesh_relief(tmp_path / "ball.stl", 16)
+
+
+def test_a_mesh_of_a_million_faces_is_read(tmp_path: Path) -> None:
+    side = 700
+    facets = np.zeros(2 * side * side, mesh_files._FACET)
+    y, x = np.mgrid[:side, :side]
+    corners = np.stack([np.stack([x + i, y + j, x], axis=-1) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))], axis=2)
+    facets["corners"] = np.stack([corners[:, :, [0, 1, 2]], corners[:, :, [0, 2, 3]]]).reshape(-1, 3, 3)
+    (tmp_path / "large.stl").write_bytes(bytes(80) + len(facets).to_bytes(4, "little") + facets.tobytes())
+    relief = mesh_relief(tmp_path / "large.stl", 64)
+    np.testing.assert_allclose(relief, np.tile((np.arange(64) + 0.5) / 64 * side, (64, 1)), atol=1.0)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_big"])
+@pytest.mark.parametrize("polygons", [False, True])
+def test_all_kinds_of_ply_are_read(tmp_path: Path, encoding: str, polygons: bool) -> None:
+    """A step: the left half is at 1, the right half at 0; with further properties, and quadrilaterals."""
+    points = [(0, 0, 1), (1, 0, 1), (1, 2, 1), (0, 2, 1), (1, 0, 0), (2, 0, 0), (2, 2, 0), (1, 2, 0)]
+    faces = [(0, 1, 2, 3), (4, 5, 6, 7)] if polygons else [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)]
+    kind = {"ascii": "ascii", "binary": "binary_little_endian", "binary_big": "binary_big_endian"}[encoding]
+    header = (
+        f"ply\nformat {kind} 1.0\ncomment made by hand\nelement vertex 8\nproperty float x\nproperty double y\n"
+        f"property float z\nproperty uchar red\nelement face {len(faces)}\nproperty list uchar int vertex_indices\n"
+        "end_header\n"
+    ).encode()
+    if encoding == "ascii":
+        rows = [f"{x} {y} {z} 7" for x, y, z in points] + [f"{len(f)} {' '.join(map(str, f))}" for f in faces]
+        body = "\n".join(rows).encode() + b"\n"
+    else:
+        order = ">" if encoding == "binary_big" else "<"
+        body = b"".join(struct.pack(f"{order}fdfB", *point, 7) for point in points)
+        body += b"".join(struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces)
+    (tmp_path / "step.ply").write_bytes(header + body)
+    np.testing.assert_array_equal(mesh_relief(tmp_path / "step.ply", 8), np.tile([1.0] * 4 + [0.0] * 4, (8, 1)))
+    (tmp_path / "step.ply").write_bytes((header + body)[: -(3 if encoding == "ascii" else 9)])
+    with pytest.raises(GoalError, match="cannot be read as a mesh"):
+        mesh_relief(tmp_path / "step.ply", 8)
+
+
+def test_stl_in_text_is_read_and_its_end_is_missed(tmp_path: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    text = ball.export(file_type="stl_ascii")
+    (tmp_path / "text.stl").write_text(text)
+    ball.export(tmp_path / "binary.stl")
+    text_relief, binary_relief = (mesh_relief(tmp_path / f"{name}.stl", 24) for name in ("text", "binary"))
+    np.testing.assert_allclose(text_relief, binary_relief, atol=1e-5)
+    (tmp_path / "text.stl").write_text(text[: text.rindex("vertex") - 2])
+    with pytest.raises(GoalError, match="the file may be cut off"):
+        mesh_relief(tmp_path / "text.stl", 24)
+    whole = (tmp_path / "binary.stl").read_bytes()
+    (tmp_path / "binary.stl").write_bytes(whole[:-100])
+    with pytest.raises(GoalError, match="320 facets are announced and 15900 bytes follow"):
+        mesh_relief(tmp_path / "binary.stl", 24)

@@ -17,6 +17,7 @@ from pentimento.deploy.bundle import DeployConfig, Models
 from pentimento.deploy.graphs import ParityError
 from pentimento.dynamics.pushes.push_model import write_push_model
 from pentimento.dynamics.strokes.extended import model_files
+from pentimento.planning.pushes.analytic.correction import FILE, correction_as_json
 from pentimento.planning.strokes.latent import write_decoder
 from pipelines import deploy
 from pipelines._tracking import input_digest
@@ -37,6 +38,7 @@ def folder(stage_folder: Path) -> Path:
     clay = stage_folder / "models/push_foam/weights"
     clay.mkdir(parents=True)
     write_push_model(models.pushes["foam"], clay)
+    (clay / FILE).write_text(json.dumps(correction_as_json(models.corrections["foam"])))
     shutil.copytree(models.encoder_folder, stage_folder / "semantics")
     shutil.copytree(models.goal_folder, stage_folder / "goal")
     for name, decoder in models.hands.items():
@@ -75,6 +77,7 @@ def test_the_stage_hands_models_and_settings_on_and_tags_its_run(folder: Path, m
     assert config == CONFIG
     assert asdict(models.strokes["marker"].parameters) == asdict(small_bundle()[1].strokes["marker"].parameters)
     assert models.pushes["foam"].facts == small_bundle()[1].pushes["foam"].facts
+    assert models.corrections["foam"].covariates == small_bundle()[1].corrections["foam"].covariates
     assert models.encoder.digest == small_bundle()[1].encoder.digest
     assert models.digests["semantics"] == input_digest(Path("semantics"))
     assert set(models.digests) == {"stroke_marker", "push_foam", "semantics", "goal", "hands"}

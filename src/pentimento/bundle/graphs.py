@@ -20,6 +20,7 @@ from pentimento.bundle.sampler import Networks, NoiseSchedule
 from pentimento.bundle.tokenizer import Tokenizer, read_tokenizer
 from pentimento.bundle.views import random_views, resizing_matrix
 from pentimento.contracts.errors import ConfigError, ContractError
+from pentimento.planning.pushes.memory import FRESH, PushMemory
 from pentimento.planning.pushes.rollout import Pull as PushPull
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks, Pull, Span, StrokeTiming
@@ -153,9 +154,10 @@ class GraphPathBrush(_GraphModel):
 
 
 class GraphClay:
-    """A push model of the bundle as a ``planning.pushes.model.PushModel``."""
+    """A network of a push model as a ``planning.pushes.rollout.PushModel``, without memory; see ``bundle.clays``."""
 
     def __init__(self, ask: Ask, name: str, facts: ClayFacts) -> None:
+        """Its graphs are ``<name>_after`` and ``<name>_pull``."""
         self._ask, self._name, self._facts = ask, name, facts
 
     @property
@@ -168,8 +170,8 @@ class GraphClay:
         """Name of the end-effector that it was fitted on."""
         return self._facts.end_effector
 
-    def after(self, height_m: Array, actions: NDArray[np.float64]) -> Array:
-        """See ``planning.pushes.model.PushModel``.
+    def after(self, height_m: Array, actions: NDArray[np.float64], memory: PushMemory = FRESH) -> Array:
+        """See ``planning.pushes.rollout.PushModel``.
 
         Raises:
             ContractError: heights of another shape, or that are not finite.
@@ -180,8 +182,8 @@ class GraphClay:
         after: Array = self._ask(f"{self._name}_after", self._checked(height_m), given)[0]
         return after
 
-    def step(self, height_m: Array, action: NDArray[np.float64]) -> tuple[Array, PushPull]:
-        """See ``planning.pushes.model.PushModel``.
+    def step(self, height_m: Array, action: NDArray[np.float64], memory: PushMemory = FRESH) -> tuple[Array, PushPull]:
+        """See ``planning.pushes.rollout.PushModel``.
 
         Raises:
             ContractError: heights of another shape, or that are not finite.

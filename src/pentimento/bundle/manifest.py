@@ -127,7 +127,8 @@ class StyleFacts:
 
 @dataclass(frozen=True)
 class ClayFacts:
-    """A push model. Its graphs are ``<name>_after`` and ``<name>_pull``."""
+    """A push model: an ensemble of networks with one correction. The graphs of network k are ``<name>_<k>_after`` and
+    ``<name>_<k>_pull``."""
 
     end_effector: str
     kind: Literal["push", "pinch"]
@@ -139,6 +140,11 @@ class ClayFacts:
     """Maximum length of travel (pinch: closing) in the training data."""
     deepest_m: float
     """Maximum depth in the training data."""
+    members: int
+    """Networks of the ensemble."""
+    correction: str | None
+    """Name of the file with the correction by established causes (``planning.pushes.analytic.correction``); None where
+    the diagnosis has kept none."""
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,11 @@ from pentimento.bundle.vocabulary import Vocabulary, read_vocabulary
 from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 from pentimento.control.safety import SafetyEnvelope, envelope_for
+from pentimento.planning.pushes.analytic.correction import Correction, correction_from
 from pentimento.planning.strokes.latent import StyleDecoder, decoder_from
 from pentimento.robots.tools import Tool, load_tool
 
-SCHEMA: Final = 7
+SCHEMA: Final = 8
 MANIFEST: Final = "manifest.json"
 OPSETS: Final = (18, 20)
 """First and last operator set that is supported."""
@@ -60,6 +61,8 @@ class Bundle:
     """What the goal planner was taught; None for one that knows all words."""
     hands: Mapping[str, StyleDecoder]
     """Handwriting styles by the writer's name."""
+    corrections: Mapping[str, Correction]
+    """Of push models, by the model's name; none where a model has no correction."""
 
     def graph(self, name: str) -> bytes:
         """A graph's checked bytes.
@@ -126,7 +129,8 @@ def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, Saf
             _refuse(folder, f"the safety envelope of {name} is wider than this robot's own in {', '.join(wider)}")
     _check_parts(folder, manifest)
     vocabulary, hands = _vocabulary(folder, manifest, contents), _hands(folder, manifest, contents)
-    return Bundle(folder, found, manifest, tools, contents, vocabulary, hands)
+    corrections = _corrections(folder, manifest, contents)
+    return Bundle(folder, found, manifest, tools, contents, vocabulary, hands, corrections)
 
 
 def _manifest(folder: Path, text: bytes) -> Manifest:
@@ -276,6 +280,14 @@ def _hands(folder: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> d
     return hands
 
 
+def _corrections(folder: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> dict[str, Correction]:
+    files = {name: clay.correction for name, clay in manifest.clays.items() if clay.correction is not None}
+    try:
+        return {name: correction_from(contents[file], file) for name, file in files.items()}
+    except ContractError as error:
+        raise BundleError(f"The bundle {folder} is refused: {error}") from error
+
+
 def _check_parts(folder: Path, manifest: Manifest) -> None:
     """Refuse a manifest that refers to graphs, files, brushes or models that it does not list."""
     graphs = {"semantic", "text", "caption", "goal_text", "goal_encode", "goal_denoise", "goal_decode"}
@@ -283,13 +295,16 @@ def _check_parts(folder: Path, manifest: Manifest) -> None:
         graphs |= {f"{name}_marks", f"{name}_pull"} | ({f"{name}_gain"} if brush.has_gain else set())
     for name in manifest.styles:
         graphs |= {f"{name}_features", f"{name}_pull"}
-    for name in manifest.clays:
-        graphs |= {f"{name}_after", f"{name}_pull"}
+    for name, clay in manifest.clays.items():
+        if clay.members < 1:
+            _refuse(folder, f"the push model {name} has {clay.members} networks")
+        graphs |= {f"{name}_{member}_{of}" for member in range(clay.members) for of in ("after", "pull")}
     words = (manifest.encoder.words, manifest.goal.words)
     files = {file for entry in words for file in (entry.vocabulary, entry.merges)}
     files |= set() if manifest.goal.nouns is None else {manifest.goal.nouns}
     files |= {hand.file for hand in manifest.hands.values()}
     files |= {f"end_effectors/{clay.end_effector}.toml" for clay in manifest.clays.values()}
+    files |= {clay.correction for clay in manifest.clays.values() if clay.correction is not None}
     missing = [*sorted(graphs - set(manifest.graphs)), *sorted(files - set(manifest.files))]
     missing += [setting.brush for setting in manifest.settings.values() if setting.brush not in manifest.brushes]
     paths = {setting.path_brush for setting in manifest.settings.values() if setting.path_brush is not None}

@@ -14,11 +14,12 @@ from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 
 if TYPE_CHECKING:
-    from pentimento.control.commission import Commission, Weights
+    from pentimento.control.commission import ClayGoal, Commission, Weights
     from pentimento.control.expression import Expression
     from pentimento.control.run import Turns
 
-_OF_CLAY = ("material", "letter", "pushes")
+_CLAY_GOALS = ("letter", "goal_mesh", "goal_heights")  # and goal_image, which painting has as well
+_OF_CLAY = ("material", *_CLAY_GOALS, "font", "up", "pushes")
 _OF_PAINT = (
     "robot",
     "setting",
@@ -61,7 +62,7 @@ def _run(arguments: argparse.Namespace) -> None:
     from pentimento.control.run import Turns, commission_of
 
     if arguments.material is not None or (arguments.resume is not None and read_clay_commission(arguments.resume)):
-        if paint := given(arguments, _OF_PAINT):
+        if paint := _not_of_clay(arguments):
             raise ConfigError(_NOT_OF_CLAY.format(", ".join(paint)))
         _sculpt(arguments)
         return
@@ -195,7 +196,7 @@ def _sculpt(arguments: argparse.Namespace) -> None:
     commission = read_clay_commission(folder) if arguments.resume is not None else None
     if commission is None:
         commission = clay_commission_of(
-            arguments.bundle, arguments.material, arguments.letter, actions=arguments.pushes, seed=arguments.seed
+            arguments.bundle, arguments.material, _clay_goal(arguments), actions=arguments.pushes, seed=arguments.seed
         )
     control, progress = Control(), Progress()
     at_terminal(control, progress)
@@ -205,6 +206,19 @@ def _sculpt(arguments: argparse.Namespace) -> None:
         )
     progress.message("")
     print(f"{len(state.progress.actions)} pushes; {state.stopped}. The sculpture is in {folder}.")
+
+
+def _clay_goal(arguments: argparse.Namespace) -> ClayGoal:
+    from pentimento.control.commission import ClayGoal
+
+    if arguments.letter is not None:
+        font = None if arguments.font is None else str(arguments.font.resolve())
+        return ClayGoal("letter", arguments.letter, font=font)
+    if arguments.goal_mesh is not None:
+        return ClayGoal("mesh", str(arguments.goal_mesh.resolve()), up=arguments.up)
+    if arguments.goal_heights is not None:
+        return ClayGoal("heights", str(arguments.goal_heights.resolve()))
+    return ClayGoal("image", str(arguments.goal_image.resolve()))
 
 
 def _tell(message: str) -> None:
@@ -227,11 +241,25 @@ def _problem_of_run(arguments: argparse.Namespace) -> str | None:
     if arguments.as_typed and arguments.listen is None:
         return "--as-typed is for a wish that --listen FILE hears; give that, or leave it out."
     clay = given(arguments, _OF_CLAY)
-    if clay and (arguments.material is None or arguments.letter is None):
-        return f"{', '.join(clay)}: to sculpt, give both --material and --letter."
-    if clay and (paint := given(arguments, _OF_PAINT)):
+    if not clay:
+        return None
+    if arguments.material is None or not given(arguments, (*_CLAY_GOALS, "goal_image")):
+        return (
+            f"{', '.join(clay)}: to sculpt, give --material and a goal: --letter, --goal-mesh, --goal-heights or "
+            "--goal-image."
+        )
+    if arguments.font is not None and arguments.letter is None:
+        return "--font is for --letter; leave it out."
+    if arguments.up is not None and arguments.goal_mesh is None:
+        return "--up is for --goal-mesh; leave it out."
+    if paint := _not_of_clay(arguments):
         return _NOT_OF_CLAY.format(", ".join(paint))
     return None
+
+
+def _not_of_clay(arguments: argparse.Namespace) -> list[str]:
+    """Options of painting that the command line sets and sculpting has not."""
+    return [name for name in given(arguments, _OF_PAINT) if name != "--goal-image"]
 
 
 def _calibrate(arguments: argparse.Namespace) -> None:
@@ -280,7 +308,13 @@ COMMANDS = (
                 "--setting",
                 help="of the bundle: tool, canvas and planner; by default the one whose tool brings its ink",
             ),
-            option("--goal-image", type=Path, metavar="FILE", exclusive="goal", help="paint this picture"),
+            option(
+                "--goal-image",
+                type=Path,
+                metavar="FILE",
+                exclusive="goal",
+                help="paint this picture; with --material, sculpt it: what is light is high",
+            ),
             option(
                 "--goal-text",
                 type=words,
@@ -320,7 +354,35 @@ COMMANDS = (
                 help="a hand of the bundle: draw in this handwriting; by default the robot draws its own strokes",
             ),
             option("--material", help="sculpt this clay of the bundle, in the studio, instead of painting"),
-            option("--letter", metavar="LETTERS", help="sink this into the clay"),
+            option(
+                "--letter",
+                metavar="LETTERS",
+                type=words,
+                exclusive="goal",
+                help="sink this into the clay; of any script that an installed font has",
+            ),
+            option(
+                "--font",
+                type=Path,
+                metavar="FILE",
+                help="font of --letter (TrueType, OpenType); by default plain strokes, else the first installed font "
+                "with these letters",
+            ),
+            option(
+                "--goal-mesh",
+                type=Path,
+                metavar="FILE",
+                exclusive="goal",
+                help="sculpt this mesh as seen from above (STL, OBJ, PLY; any unit)",
+            ),
+            option("--up", choices=("x", "y", "z"), help="axis of the mesh that points up; z, but an OBJ needs it"),
+            option(
+                "--goal-heights",
+                type=Path,
+                metavar="FILE",
+                exclusive="goal",
+                help="sculpt these heights: .npy, grey .png or .tif; NaN is a hole",
+            ),
             option(
                 "--pushes",
                 type=count,

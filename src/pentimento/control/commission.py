@@ -69,6 +69,19 @@ class Commission:
 
 
 @dataclass(frozen=True)
+class ClayGoal:
+    """The source of a sculpture's goal."""
+
+    kind: Literal["letter", "mesh", "heights", "image"]
+    value: str
+    """Letters, or a file."""
+    font: str | None = None
+    """File of the letters' font; None for plain strokes, and where these lack a letter for an installed font."""
+    up: Literal["x", "y", "z"] | None = None
+    """Axis of a mesh that points up; None is z, but an OBJ needs it."""
+
+
+@dataclass(frozen=True)
 class ClayCommission:
     """What was asked for in a sculpture."""
 
@@ -79,9 +92,9 @@ class ClayCommission:
     material: str
     world: str
     """World of the virtual studio."""
-    letter: str
+    goal: ClayGoal
     depth_m: float
-    """Depth of the letter's lowest point below the clay's mean height."""
+    """Depth of the goal's lowest point below the clay's mean height."""
     actions: int
     """Maximum number."""
     seed: int

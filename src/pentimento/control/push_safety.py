@@ -20,6 +20,8 @@ from pentimento.robots.tools import EndEffector, PushKind
 
 FloatArray = NDArray[np.float64]
 
+MIN_CLEARANCE_M = 0.005
+"""Minimum height of a tool's tip above the table."""
 _FLOAT32 = 2.0**-24  # largest relative rounding error: actions are stored in float32 tables
 _NAMES = ("x", "y", "theta", "length", "depth")
 _ENDS = {"push": ("start", "end"), "pinch": ("one finger", "other finger")}
@@ -118,7 +120,10 @@ class PushEnvelope:
 
 
 def push_envelope_for(
-    end_effector: EndEffector, area_m: tuple[float, float], max_surface_m: float = 0.06, min_clearance_m: float = 0.005
+    end_effector: EndEffector,
+    area_m: tuple[float, float],
+    max_surface_m: float = 0.06,
+    min_clearance_m: float = MIN_CLEARANCE_M,
 ) -> PushEnvelope:
     """The envelope of one end-effector over a whole slab that is nowhere higher than `max_surface_m`."""
     return PushEnvelope(

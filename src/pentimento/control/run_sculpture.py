@@ -1,36 +1,44 @@
-"""From a bundle and a letter to a sculpture: ``pentimento run --material``, in the virtual studio."""
+"""From a bundle and a goal to a sculpture: ``pentimento run --material``, in the virtual studio."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from pentimento.bundle.graphs import GraphClay, Graphs
+from pentimento.bundle.clays import clay_members
+from pentimento.bundle.graphs import Graphs
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.height_maps import encode_height_png
+from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import SculptureState, has_sculpture, load_sculpture, save_sculpture
-from pentimento.control.commission import ClayCommission, exclusive, write_commission
+from pentimento.control.commission import ClayCommission, ClayGoal, exclusive, write_commission
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
 from pentimento.control.journal import JournaledClay
 from pentimento.control.loop import Hooks, Interrupt
 from pentimento.control.person import Control, Progress
-from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.control.push_safety import MIN_CLEARANCE_M, GuardedSculptingRobot, push_envelope_for
 from pentimento.control.recording import write_push
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.control.sculptor import Array, Outcome, Sculptor, SculptureProgress, seen_m
-from pentimento.planning.pushes.goal import fit_goal, sunken_letters
+from pentimento.goals3d.mesh_files import MESHES
+from pentimento.goals3d.shading import photograph
+from pentimento.goals3d.sources import FloatArray, height_source, relief_of
+from pentimento.planning.pushes.goal import GoalError, fit_goal, sunken_letters
 from pentimento.robots.tools import load_end_effector
 from pentimento.robots.virtual import virtual_sculpting_robot
 
 SUMMARY: Final = "sculpture.json"
 """In a finished sculpture's folder: number of actions, and errors of height (mm²) and slope before and after."""
+PREVIEW: Final = "preview.png"
+"""In its folder before anything moves: the clay and the goal, lit, side by side."""
 HEIGHTS: Final = ("before", "goal", "result")
 """Height maps in its folder, 16-bit PNG."""
 RECORD: Final = "pushes"
@@ -44,7 +52,7 @@ class Ended(PentimentoError):
 def clay_commission_of(
     bundle: Path,
     material: str,
-    letter: str,
+    goal: ClayGoal,
     *,
     world: str | None = None,
     depth_m: float | None = None,
@@ -55,7 +63,7 @@ def clay_commission_of(
 
     Args:
         world: of the virtual studio; by default the one with the material's name.
-        depth_m: depth of the letter's lowest point below the clay's mean height.
+        depth_m: depth of the goal's lowest point below the clay's mean height.
         actions: maximum number of pushes.
         seed: of plan and studio.
 
@@ -64,13 +72,13 @@ def clay_commission_of(
     Raises:
         BundleError: the bundle is refused.
         ConfigError: the bundle has no push model of that material.
-        GoalError: the letter cannot be drawn.
+        GoalError, ImageError: the goal cannot be read or drawn.
     """
     opened = open_bundle(bundle)
     settings = opened.manifest.sculpting[_clay_of(opened, material)]
-    sunken_letters(letter, (32, 32), settings.side_share, 0.0)  # so that an error leaves no folder behind
+    _relief(goal, (32, 32), settings.side_share, 0.0, tell=lambda _: None)  # so that an error leaves no folder behind
     return ClayCommission(
-        str(bundle.resolve()), opened.digest, material, world or material, letter,
+        str(bundle.resolve()), opened.digest, material, world or material, goal,
         settings.fit.depth_m if depth_m is None else depth_m,
         settings.actions if actions is None else actions,
         settings.planner.seed if seed is None else seed,
@@ -108,13 +116,17 @@ def run_sculpture(
                 goal = saved.goal_m
             else:
                 robot.change_tool(end_effector)
-                goal = _goal(commission, settings, seen_m(robot.scan())[0], robot.area_m)
+                seen = seen_m(robot.scan())[0]
+                goal = _goal(commission, settings, seen, robot.area_m, tell=progress.message)
+                _preview(folder, seen, goal, facts.window_m)
+                progress.message(f"Nothing has moved yet; {folder / PREVIEW} shows the clay and the goal.")
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
-                members=(GraphClay(Graphs(bundle), name, facts),),
+                members=clay_members(Graphs(bundle), name),
                 config=replace(settings.planner, seed=commission.seed), execution=settings.execution,
                 count=commission.actions,
-                session=Session(f"sculpture-{commission.material}-{commission.seed}-{sessions}", 0.0), item=0,
+                # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
+                session=Session(f"sculpture-{commission.material}-{commission.seed}", 0.0), item=0,
                 record=lambda row: write_push(folder / RECORD, row),
             )  # fmt: skip
             return _sculpt(sculptor, folder, saved, sessions, control=control, progress=progress)
@@ -165,12 +177,65 @@ def _clay_of(bundle: Bundle, material: str) -> str:
 
 
 def _goal(
-    commission: ClayCommission, settings: SculptingSettings, height_m: Array, area_m: tuple[float, float]
+    commission: ClayCommission,
+    settings: SculptingSettings,
+    height_m: Array,
+    area_m: tuple[float, float],
+    *,
+    tell: Callable[[str], None],
 ) -> Array:
-    """The goal heights [H, W] of the commission's letter for the clay as scanned."""
-    shape = (height_m.shape[0], height_m.shape[1])
-    relief = sunken_letters(commission.letter, shape, settings.side_share, settings.edge_blur_m * shape[1] / area_m[0])
-    return fit_goal(relief, height_m, replace(settings.fit, depth_m=commission.depth_m)).height_m
+    """The goal heights [H, W] of the commission for the clay as scanned; sentences on its fit go to ``tell``."""
+    shape, mean_m = (height_m.shape[0], height_m.shape[1]), float(height_m.mean(dtype=np.float64))
+    blur_px = settings.edge_blur_m * shape[1] / area_m[0]
+    relief = _relief(commission.goal, shape, settings.side_share, blur_px, tell=tell)
+    depth_m = min(commission.depth_m, mean_m - MIN_CLEARANCE_M)
+    if depth_m <= 0:
+        raise GoalError(f"The clay is {1e3 * mean_m:.1f} mm high, too thin to sculpt; put more of it on the table.")
+    if depth_m < commission.depth_m:
+        tell(
+            f"The clay is {1e3 * mean_m:.1f} mm high on average, so the goal is {1e3 * depth_m:.1f} mm deep instead of "
+            f"{1e3 * commission.depth_m:.1f} mm."
+        )
+    fit = fit_goal(relief, height_m, replace(settings.fit, depth_m=depth_m))
+    if fit.alpha == 0:
+        tell("The goal is flat; the clay will be smoothed.")
+    if fit.raised:
+        tell(
+            f"{100 * fit.raised / fit.height_m.size:.1f} % of the goal lay deeper than the tools reach and was raised."
+        )
+    return fit.height_m
+
+
+def _relief(
+    goal: ClayGoal, shape: tuple[int, int], share: float, blur_px: float, *, tell: Callable[[str], None]
+) -> FloatArray:
+    """The relief [H, W] of a goal, centred, with edges that the tools can form.
+
+    Raises:
+        GoalError, ImageError: it cannot be read or drawn.
+    """
+    suffix, font = Path(goal.value).suffix.lower(), None if goal.font is None else Path(goal.font)
+    match goal.kind:
+        case "letter":
+            if font is None and goal.value.isascii():  # plain strokes, about as wide as a groove
+                return sunken_letters(goal.value, shape, share, blur_px)
+            source = f"letter:{goal.value}"
+        case "mesh":
+            if suffix not in MESHES:
+                raise GoalError(f"{goal.value} is no mesh file; give one that ends in {', '.join(MESHES)}.")
+            source = goal.value
+        case "heights":
+            source = height_source(Path(goal.value), tell)
+        case "image":
+            if suffix in (*MESHES, ".npy"):
+                raise GoalError(f"{goal.value} is no picture; give it with --goal-mesh or --goal-heights.")
+            source = goal.value
+    return relief_of(source, shape, share, soften_px=blur_px, up=goal.up, font=font, tell=tell)
+
+
+def _preview(folder: Path, height_m: Array, goal_m: Array, window_m: tuple[float, float, float, float]) -> None:
+    pictures = [photograph(heights, np.array(window_m)) for heights in (height_m, goal_m)]
+    atomic_write(folder / PREVIEW, encode_png(np.hstack(pictures)))
 
 
 def _write_summary(folder: Path, sculptor: Sculptor, state: SculptureProgress, stopped: Outcome) -> None:

@@ -18,6 +18,7 @@ from pentimento.control.sculpting_settings import Execution
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
+from pentimento.planning.pushes.memory import PushMemory
 from pentimento.planning.pushes.plan import PushPlan, plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.robots.driver import SculptingRobot
@@ -118,13 +119,18 @@ class Sculptor:
     """The goal's number in the session; the rows' order begins at ``1000 · item``."""
     record: Callable[[dict[str, Any]], None]
     """Called with the row of each executed action, before the new state is saved."""
+    earlier: tuple[FloatArray, ...] = ()
+    """[5] each: pushes of earlier goals, since the material was smoothed. Without them, the clay is taken as smooth."""
 
     def begin(self) -> tuple[SculptureProgress, PushPlan]:
         """Scan and plan; nothing moves."""
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
-        first = plan(height, self.foresight, self._reach, config=self.config, count=self.count, item=(self.item, 0))
+        first = plan(
+            height, self.foresight.remembering(self._memory(())), self._reach, config=self.config, count=self.count,
+            item=(self.item, 0),
+        )  # fmt: skip
         progress = SculptureProgress(
             scan=scan, actions=(), heights_m=(height,), values=(float(self.foresight.objective.values(height)),),
             expected_m=(), remaining=first.actions, predicted_m=first.predicted_m[1:],
@@ -183,11 +189,10 @@ class Sculptor:
             dwell_s=self.execution.dwell_s, retract_speed_m_s=self.execution.retract_speed_m_s,
         )  # fmt: skip
         order = 1000 * self.item + len(state.actions)
-        self.record(
-            record_push(
-                self.session, order, order, end_effector=self.end_effector, material=self.material, executed=executed
-            )
+        row = record_push(
+            self.session, order, order, end_effector=self.end_effector, material=self.material, executed=executed
         )
+        self.record(row | {"reset_id": 0, "pushes_since_reset": len(self.earlier) + len(state.actions)})
         height, holes = seen_m(executed.after)
         return SculptureProgress(
             scan=executed.after, actions=(*state.actions, action), heights_m=(*state.heights_m, height),
@@ -204,6 +209,18 @@ class Sculptor:
     def _reach(self) -> Reach:
         return reach_for(self.end_effector, self.robot.area_m, self.config.edge_m)
 
+    def _memory(self, actions: tuple[FloatArray, ...]) -> PushMemory:
+        """Of the clay after these executed actions, for the next."""
+        known = {
+            "order": float(1000 * self.item + len(actions)),
+            "pushes_since_reset": float(len(self.earlier) + len(actions)),
+            "t_start_s": self.robot.clock_s - self.session.started_s,
+            "speed_m_s": self.end_effector.speed_m_s,
+            "dwell_s": self.execution.dwell_s,
+            "retract_speed_m_s": self.execution.retract_speed_m_s,
+        }
+        return PushMemory((*self.earlier, *actions), known | self.robot.ambient())
+
     def _ended(self, progress: SculptureProgress) -> Outcome | None:
         since_minimum = len(progress.values) - 1 - int(np.argmin(progress.values))
         if progress.due == 0 and since_minimum >= self.execution.patience:
@@ -212,8 +229,9 @@ class Sculptor:
 
     def _with_new_plan(self, progress: SculptureProgress) -> SculptureProgress:
         executed = len(progress.actions)
+        foresight = self.foresight.remembering(self._memory(progress.actions))
         new = plan(
-            progress.heights_m[-1], self.foresight, self._reach, config=self.config, count=self.count - executed,
+            progress.heights_m[-1], foresight, self._reach, config=self.config, count=self.count - executed,
             item=(self.item, executed), begun=progress.remaining if executed else None,
         )  # fmt: skip
         due = min(self.execution.replan_every, len(new.actions))
@@ -233,6 +251,7 @@ def sculpt(
     session: Session,
     item: int,
     log: Callable[[str, float, int], None],
+    earlier: tuple[FloatArray, ...] = (),
 ) -> Sculpture:
     """Bring the clay closer to a goal [H, W] with up to ``count`` actions, ``execution.replan_every`` of them per plan.
 
@@ -243,11 +262,12 @@ def sculpt(
         robot: guarded.
         item: the goal's number in the session; the rows' order begins at ``1000 · item``.
         log: called as ``log("value", objective, actions executed)``.
+        earlier: pushes [5] of earlier goals, since the material was smoothed.
     """
     rows: list[dict[str, Any]] = []
     sculptor = Sculptor(
         robot=robot, end_effector=end_effector, material=material, goal_m=goal_m, members=members, config=config,
-        execution=execution, count=count, session=session, item=item, record=rows.append,
+        execution=execution, count=count, session=session, item=item, record=rows.append, earlier=earlier,
     )  # fmt: skip
     begun, first = sculptor.begin()
     log("value", begun.values[0], 0)

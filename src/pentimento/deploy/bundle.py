@@ -12,6 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from pentimento.bundle.clays import clay_members
+from pentimento.bundle.graphs import Graphs
 from pentimento.bundle.manifest import (
     BrushFacts,
     ClayFacts,
@@ -24,7 +26,7 @@ from pentimento.bundle.manifest import (
     StyleFacts,
     WordsFacts,
 )
-from pentimento.bundle.reader import FILE_NAME, MANIFEST, SCHEMA
+from pentimento.bundle.reader import FILE_NAME, MANIFEST, SCHEMA, Bundle
 from pentimento.contracts.codec import to_plain
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.frames import image_shape
@@ -34,14 +36,15 @@ from pentimento.control.safety import envelope_for
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.copainting.goal.planner import GoalPlanner, GoalSampling
 from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
-from pentimento.deploy.graphs import IR_VERSION, OPSET, Graph
+from pentimento.deploy.graphs import IR_VERSION, OPSET, Graph, ParityError
 from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
-from pentimento.deploy.push_graphs import clay_graphs
+from pentimento.deploy.push_graphs import clay_facts, clay_graphs, deployed_difference
 from pentimento.deploy.stroke_graphs import brush_graphs
 from pentimento.deploy.words import Things, taught_vocabulary
-from pentimento.dynamics.pushes.push_model import PushModel, planned_clay
+from pentimento.dynamics.pushes.push_model import PushModel, TorchClay, planned_members
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.handwriting.synthetic_writers import HANDS
+from pentimento.planning.pushes.analytic.correction import CorrectedClay, Correction, correction_as_json
 from pentimento.planning.strokes.config import HandPlanConfig, PlannerConfig
 from pentimento.planning.strokes.latent import StyleDecoder, decoder_bytes
 from pentimento.robots.tools import load_tool
@@ -137,6 +140,8 @@ class Models:
     """Of the pipeline, for each of `stroke_<tool>`, `semantics`, `goal` and `push_<material>`; and `hands`."""
     hands: Mapping[str, StyleDecoder] = field(default_factory=dict)
     """Handwriting styles by the writer's name."""
+    corrections: Mapping[str, Correction] = field(default_factory=dict)
+    """Of push models, by material."""
 
 
 def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest:
@@ -167,6 +172,8 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         contents[words.merges] = (source / "merges.txt").read_bytes()
     for setting in config.settings.values():
         contents[f"tools/{setting.tool}.toml"] = _robot_file("tools", setting.tool)
+    for material, correction in models.corrections.items():
+        contents[_correction_file(material)] = _json(correction_as_json(correction))
     for clay in clays.values():
         contents[f"end_effectors/{clay.end_effector}.toml"] = _robot_file("end_effectors", clay.end_effector)
     entries = {name: _entry(name, graph, config.tolerance) for name, graph in graphs.items()}
@@ -279,12 +286,44 @@ def _clays(models: Models, config: DeployConfig) -> tuple[dict[str, ClayFacts], 
     graphs: dict[str, Graph] = {}
     for material, clay in config.clays.items():
         name, model = f"clay_{material}", models.pushes[material]
-        planned = planned_clay(model, np.array(clay.window_m))
-        facts[name], of_clay = clay_graphs(
-            name, planned, model.facts, shape=clay.shape, tolerance=config.tolerance, models=(f"push_{material}",)
-        )
-        graphs |= of_clay
+        members = planned_members(model, np.array(clay.window_m))
+        correction = _correction_file(material) if material in models.corrections else None
+        facts[name] = clay_facts(members, model.facts, clay.shape, correction)
+        for number, member in enumerate(members):
+            graphs |= clay_graphs(
+                f"{name}_{number}", member, model.facts, shape=clay.shape, tolerance=config.tolerance,
+                models=(f"push_{material}",),
+            )  # fmt: skip
     return facts, graphs
+
+
+def _correction_file(material: str) -> str:
+    return f"corrections/clay_{material}.json"
+
+
+def check_deployed_clays(bundle: Bundle, models: Models, tolerance: float) -> dict[str, float]:
+    """By material, the relative difference of the bundle's push model from the one that was diagnosed.
+
+    Raises:
+        ParityError: one exceeds the tolerance.
+    """
+    differences = {}
+    for material, model in models.pushes.items():
+        facts = bundle.manifest.clays[f"clay_{material}"]
+        members: tuple[TorchClay | CorrectedClay, ...] = planned_members(model, np.array(facts.window_m))
+        correction = models.corrections.get(material)
+        ranges = {}
+        if correction is not None:
+            members = tuple(CorrectedClay(member, correction) for member in members)
+            ranges = {name: (known.low, known.high) for name, known in correction.covariates.items()}
+        found = deployed_difference(clay_members(Graphs(bundle), f"clay_{material}"), members, facts, ranges)
+        if not found <= tolerance:
+            raise ParityError(
+                f"The bundle's push model of {material} differs from the diagnosed one by {found:.1e}, and "
+                f"{tolerance:g} is the tolerance; look for an operator that the export changes."
+            )
+        differences[material] = found
+    return differences
 
 
 def _setting(config: SettingConfig, hand_points: int | None) -> Setting:

@@ -1,18 +1,26 @@
-"""A push model as graphs: height maps after alternative pushes, and the gradients of one push."""
+"""A push model as graphs: height maps after alternative pushes, and the gradients of one push; and the check of what
+was deployed, correction included, against the model that was diagnosed."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Final
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from pentimento.bundle.manifest import ClayFacts
 from pentimento.deploy.graphs import Graph, compared, export, generator
 from pentimento.dynamics.pushes.push_model import PushFacts, TorchClay
+from pentimento.planning.pushes.memory import PushMemory
+from pentimento.planning.pushes.rollout import PushModel as Model
 
 _EXAMPLE_ACTIONS: Final = 7  # differs from every other size, so that the exporter does not confuse them
 _COMPARED_WITH: Final = (1, 2, 12)  # numbers of pushes
+_EXAMPLES: Final = 4
+"""Pushes that a deployed model is compared by."""
+_LEVEL_M: Final = 0.04
 _UNITS: Final = {
     "height_m": "m above the table, without holes; row 0 is the top",
     "actions": "m, m, rad, m, m, canvas frame",
@@ -24,6 +32,17 @@ _UNITS: Final = {
 }
 
 
+def clay_facts(
+    members: Sequence[TorchClay], facts: PushFacts, shape: tuple[int, int], correction: str | None
+) -> ClayFacts:
+    """Facts of an ensemble, for height maps [H, W] of this shape over its window."""
+    x_min, y_min, x_max, y_max = (float(edge) for edge in members[0].window_m)
+    return ClayFacts(
+        members[0].end_effector, facts.kind, (x_min, y_min, x_max, y_max), shape, facts.longest_m, facts.deepest_m,
+        len(members), correction,
+    )  # fmt: skip
+
+
 def clay_graphs(
     name: str,
     clay: TorchClay,
@@ -32,8 +51,8 @@ def clay_graphs(
     shape: tuple[int, int],
     tolerance: float,
     models: tuple[str, ...],
-) -> tuple[ClayFacts, dict[str, Graph]]:
-    """Facts and graphs by which the lean core plans pushes, for height maps [H, W] of this shape over the window.
+) -> dict[str, Graph]:
+    """Graphs by which the lean core plans pushes, for height maps [H, W] of this shape over the window.
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.
@@ -65,7 +84,7 @@ def clay_graphs(
         after, examples(_EXAMPLE_ACTIONS), ["height_m", "actions"], outputs=["after_m"], free=[{}, {0: "pushes"}]
     )
     backward = export(pull, pull_examples(1), ["height_m", "action", "of_after"], outputs=["to_height", "to_action"])
-    graphs = {
+    return {
         key: compared(
             key, exported, function, examples=[arguments(count) for count in _COMPARED_WITH], units=_UNITS,
             tolerance=tolerance, models=models,
@@ -75,6 +94,31 @@ def clay_graphs(
             (f"{name}_pull", backward, pull, pull_examples),
         )
     }  # fmt: skip
-    x_min, y_min, x_max, y_max = (float(edge) for edge in clay.window_m)
-    window = (x_min, y_min, x_max, y_max)
-    return ClayFacts(clay.end_effector, facts.kind, window, shape, facts.longest_m, facts.deepest_m), graphs
+
+
+def deployed_difference(
+    deployed: Sequence[Model], diagnosed: Sequence[Model], facts: ClayFacts, covariates: Mapping[str, tuple[float, ...]]
+) -> float:
+    """Maximum relative difference of deployed push models from the diagnosed ones, over their members: of the change of
+    height that they predict, and of the gradients. Each is the norm of the difference over the norm.
+
+    Args:
+        covariates: by name, values of which the examples' memories take one each.
+    """
+    low, high = np.array(facts.window_m).reshape(2, 2)
+    worst = 0.0
+    for number in range(_EXAMPLES):
+        rng = np.random.default_rng([number])
+        unit = rng.random((_EXAMPLE_ACTIONS, 5))
+        actions = np.concatenate([low + (high - low) * (0.25 + unit[:, :2] / 2), unit[:, 2:]], axis=1)
+        actions[:, 2:] *= [2 * np.pi, facts.longest_m, facts.deepest_m]
+        memory = PushMemory(
+            tuple(actions[1:]), {name: float(rng.choice(values)) for name, values in covariates.items()}
+        )
+        height = (_LEVEL_M + 1e-3 * rng.standard_normal(facts.shape)).astype(np.float32)
+        cotangent = rng.standard_normal(facts.shape).astype(np.float32)
+        for one, other in zip(deployed, diagnosed, strict=True):
+            (after, pull), (expected, expected_pull) = (m.step(height, actions[0], memory) for m in (one, other))
+            pairs = zip((after - height, *pull(cotangent)), (expected - height, *expected_pull(cotangent)), strict=True)
+            worst = max(worst, *(float(np.linalg.norm(a - b) / np.linalg.norm(b)) for a, b in pairs))
+    return worst

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import unicodedata
+from pathlib import Path
 
 import cv2
 import numpy as np
-from matplotlib.font_manager import FontProperties, findfont, get_font
-from matplotlib.path import Path
-from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 
+from pentimento.goals3d.fonts import drawn, font_for
 from pentimento.planning.pushes.goal import GoalError
 
 FloatArray = NDArray[np.float64]
@@ -24,44 +23,35 @@ _WAVES = 3.0
 """Half-periods of the ripple, from its centre to a side."""
 
 
-def letter_relief(text: str, side_px: int, family: str = "DejaVu Serif") -> FloatArray:
+def letter_relief(text: str, side_px: int, font: Path | None = None) -> FloatArray:
     """Letters [side_px, side_px] at −1 in a plate at 0, as large as fits, centred.
 
+    Args:
+        font: its file; by default the first installed one that has a glyph for each character (``fonts.font_for``).
+
     Raises:
-        GoalError: there is nothing to draw, matplotlib has no such font, or the font lacks a character.
+        GoalError: there is nothing to draw, or no font, or a character that the font lacks.
     """
     text = unicodedata.normalize("NFC", text)
-    font = _font(family, text)
-    # `ismath` is off, so that dollar signs are letters.
-    vertices, codes = text_to_path.get_text_path(font, text)
-    polygons = [np.asarray(polygon) for polygon in Path(vertices, codes).to_polygons()]
-    if not polygons:
+    if not text.strip():
         raise GoalError("There is no letter to sculpt; give at least one character that leaves a mark.")
-    corners = np.concatenate(polygons)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    fine = _SUPERSAMPLING * side_px
-    scale = fine / float((high - low).max())
-    offset = 0.5 * (fine - scale * (high - low))
-    drawn = np.zeros((fine, fine), np.uint8)
-    points = [np.rint((polygon - low) * scale + offset).astype(np.int32) for polygon in polygons]
-    cv2.fillPoly(drawn, points, 1)  # even-odd fill keeps the holes of letters
-    mask = drawn[::-1].astype(np.float64).reshape(side_px, _SUPERSAMPLING, side_px, _SUPERSAMPLING).mean(axis=(1, 3))
-    return -mask
+    mask = drawn(text, font_for(text, font), _SUPERSAMPLING * side_px)
+    if not mask.any():
+        raise GoalError("There is no letter to sculpt; give at least one character that leaves a mark.")
+    mask = _trimmed(mask)
+    scale = side_px / max(mask.shape)
+    height, width = (max(round(scale * side), 1) for side in mask.shape)
+    relief = np.zeros((side_px, side_px))
+    top, left = (side_px - height) // 2, (side_px - width) // 2
+    small = cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
+    relief[top : top + height, left : left + width] = small / -255.0
+    return relief
 
 
-def _font(family: str, text: str) -> FontProperties:
-    """The font, if it has a glyph for each character. Others are drawn as placeholders, or not at all."""
-    font = FontProperties(family=family)
-    try:
-        glyphs = get_font(findfont(font, fallback_to_default=False)).get_charmap()
-    except ValueError:
-        raise GoalError(f"There is no font {family!r}; matplotlib ships 'DejaVu Serif'.") from None
-    for character in text:
-        hidden = not character.isspace() and unicodedata.category(character)[0] == "C"
-        if hidden or character in "\t\n\r" or ord(character) not in glyphs:
-            named = f"{character!r} ({unicodedata.name(character, f'U+{ord(character):04X}')})"
-            raise GoalError(f"The font {family} has no character {named}; choose another text.")
-    return font
+def _trimmed(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The smallest box of a mask [h, w] that holds every mark."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
 def shape_relief(name: str, side_px: int) -> FloatArray:

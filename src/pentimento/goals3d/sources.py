@@ -14,10 +14,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.contracts.errors import ConfigError, ContractError, ImageError
+from pentimento.contracts.errors import ContractError, ImageError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.picture_files import decode_deep
-from pentimento.goals3d.obj_file import read_obj
+from pentimento.goals3d.mesh_files import MESHES, read_mesh
 from pentimento.goals3d.reliefs import letter_relief, place, shape_relief, soften
 from pentimento.planning.pushes.goal import GoalError
 from pentimento.planning.pushes.holes import fill_holes
@@ -25,12 +25,14 @@ from pentimento.planning.strokes.target import averaged_light
 
 FloatArray = NDArray[np.float64]
 Up = Literal["x", "y", "z"]
-MESHES = (".stl", ".obj", ".ply")
-"""Suffixes of mesh files."""
 HEIGHTS = (".png", ".tif", ".tiff")
 """Suffixes of pictures that hold heights where they are grey with 16 or more bits."""
 _MAX_HOLES = 0.5
 """Maximum share of holes in a height map."""
+_FLATTER = 2.0
+"""A mesh that is this many times as large along its up axis as across may lie on its side."""
+_OPEN = 0.01
+"""Share of the area that faces up or down in total; less is taken as a closed surface."""
 _MIN_PROPORTION = 1e-3
 """Minimum ratio of a mesh's sides, seen from above."""
 Image = NDArray[np.uint8]
@@ -48,8 +50,9 @@ def relief_of(
     share: float,
     *,
     soften_px: float,
-    depth_model: Path | None = None,
+    depth: Callable[[Image], FloatArray] | None = None,
     up: Up | None = None,
+    font: Path | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> FloatArray:
     """Relief [H, W] of a source, centred in the area and blurred to what tools can form.
@@ -57,12 +60,13 @@ def relief_of(
     Args:
         source: ``letter:<text>`` (sunken), ``shape:<name>``, ``heights:<grey picture of 8 bits>``, or a file: .npy,
             16-bit grey .png and .tif hold heights, .stl, .obj and .ply meshes seen from above; any other picture
-            becomes a plain relief, or its depth if a depth model is given.
+            becomes a plain relief, or its depth where that is given.
         shape: of the area, [H, W] pixels.
         share: of the area's side that the relief covers.
-        depth_model: folder of a depth model of transformers, or None.
+        depth: the heights [h, w] of a picture, such as ``semantics.depth.depth_relief``; None for a plain relief.
         up: axis of a mesh that points up; by default z, but an OBJ needs it.
-        tell: is given a sentence where holes were filled; by default it is printed on stderr.
+        font: file of the letters' font; by default the first installed one that has them.
+        tell: is given a sentence where something was repaired; by default it is printed on stderr.
 
     Raises:
         GoalError: there is no such letter, shape or file, or it holds nothing to sculpt.
@@ -71,14 +75,35 @@ def relief_of(
     side_px = max(shape)
     kind, _, name = source.partition(":")
     if kind == "letter":
-        relief = letter_relief(name, side_px)
+        relief = letter_relief(name, side_px, font)
     elif kind == "shape":
         relief = shape_relief(name, side_px)
     elif kind == "heights":
         relief = _grey_relief(_existing(name))
     else:
-        relief = _file_relief(_existing(source), side_px, depth_model, up=up, tell=tell)
+        relief = _file_relief(_existing(source), side_px, depth, up=up, tell=tell)
     return soften(place(relief, shape, share), soften_px)
+
+
+def height_source(path: Path, tell: Callable[[str], None]) -> str:
+    """The source for ``relief_of`` of a file that holds heights, of 8 bits as well.
+
+    Raises:
+        GoalError: there is no such file, or it is of another kind.
+    """
+    _existing(str(path))
+    suffix = path.suffix.lower()
+    if suffix in MESHES:
+        raise GoalError(f"{path} is a mesh; give it with --goal-mesh.")
+    if suffix == ".npy" or (suffix in HEIGHTS and decode_deep(path.read_bytes(), str(path)) is not None):
+        return str(path)
+    tell(f"{path} has 8 bits: its heights are in 256 steps. Save heights with 16 bits, or as .npy.")
+    return f"heights:{path}"
+
+
+def print_to_stderr(sentence: str) -> None:
+    """For what a caller of this module does not ask to be told otherwise."""
+    print(sentence, file=sys.stderr)
 
 
 def _existing(name: str) -> Path:
@@ -88,7 +113,12 @@ def _existing(name: str) -> Path:
 
 
 def _file_relief(
-    path: Path, side_px: int, depth_model: Path | None, *, up: Up | None, tell: Callable[[str], None] | None
+    path: Path,
+    side_px: int,
+    depth: Callable[[Image], FloatArray] | None,
+    *,
+    up: Up | None,
+    tell: Callable[[str], None] | None,
 ) -> FloatArray:
     suffix = path.suffix.lower()
     if suffix in MESHES:
@@ -97,15 +127,15 @@ def _file_relief(
                 f"{path}: an OBJ does not say which of its axes points up; give `up`: y as most programs export it, or "
                 "x or z."
             )
-        return mesh_relief(path, side_px, up or "z")
+        return mesh_relief(path, side_px, up, tell=tell)
     if suffix == ".npy" or (suffix in HEIGHTS and decode_deep(path.read_bytes(), str(path)) is not None):
         relief, holes = height_file_relief(path)
         if holes:
             sentence = f"{path}: {holes} of {relief.size} heights were not measured; they were filled from neighbours."
-            print(sentence, file=sys.stderr) if tell is None else tell(sentence)
+            (print_to_stderr if tell is None else tell)(sentence)
         return relief
     picture = read_image(path)
-    return plain_relief(picture) if depth_model is None else depth_relief(picture, depth_model)
+    return plain_relief(picture) if depth is None else depth(picture)
 
 
 def _grey_relief(path: Path) -> FloatArray:
@@ -147,41 +177,47 @@ def height_file_relief(path: Path) -> tuple[FloatArray, int]:
         raise GoalError(f"{path}: {error}") from None
 
 
-def mesh_relief(path: Path, side_px: int, up: Up = "z") -> FloatArray:
+def mesh_relief(
+    path: Path, side_px: int, up: Up | None = None, *, tell: Callable[[str], None] | None = None
+) -> FloatArray:
     """Highest point of a mesh in each pixel [h, w], with a longer side of ``side_px``; the lowest where there is none.
 
     Args:
-        up: axis of the file that points up. Right and up in the picture are x and y for z, x and -z for y, y and z
-            for x.
+        up: axis of the file that points up, by default z. Right and up in the picture are x and y for z, x and -z for
+            y, y and z for x. The unit is of no importance.
+        tell: is given a sentence where the mesh is inside out or seems to lie on its side.
 
     Raises:
-        GoalError: unreadable, without faces, with non-finite vertices, or without an extent from above.
+        GoalError: unreadable, too large, without faces, with non-finite vertices, or without an extent from above.
     """
-    vertices, faces = _mesh(path)
-    if faces.size == 0:
-        raise GoalError(
-            f"{path} has no faces; a mesh to sculpt needs triangles (a point cloud is another kind of file)."
-        )
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.max() >= len(vertices) or faces.min() < 0:
-        raise GoalError(f"{path} has vertices without three coordinates, or faces without vertices; repair the mesh.")
-    if not np.isfinite(vertices[faces]).all():
+    vertices, faces = read_mesh(path)
+    used = vertices[faces]
+    if not np.isfinite(used).all():
         raise GoalError(f"{path} has vertices that are not finite numbers; repair the mesh.")
-    axes, signs = {"z": ([0, 1, 2], [1, 1, 1]), "y": ([0, 2, 1], [1, -1, 1]), "x": ([1, 2, 0], [1, 1, 1])}[up]
-    return top_of((vertices[:, axes] * signs)[faces], side_px)
+    axes, signs = {"z": ([0, 1, 2], [1, 1, 1]), "y": ([0, 2, 1], [1, -1, 1]), "x": ([1, 2, 0], [1, 1, 1])}[up or "z"]
+    triangles = used[:, :, axes] * signs
+    relief = top_of(triangles, side_px)
+    tell = print_to_stderr if tell is None else tell
+    if _inside_out(triangles):
+        tell(f"{path}: its faces point inwards (they are inverted); they are taken as seen from above all the same.")
+    extent = np.ptp(triangles.reshape(-1, 3), axis=0)
+    if up is None and extent[2] > _FLATTER * extent[1]:
+        tell(
+            f"{path}: z is taken as up, and the mesh is {extent[2] / extent[1]:.1f} times as high as deep; if "
+            "it lies on its back, give y as the axis that points up (--up y)."
+        )
+    return relief
 
 
-def _mesh(path: Path) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Vertices [V, 3] and triangles [T, 3] of a file."""
-    import trimesh
-
-    try:
-        if path.suffix.lower() == ".obj":
-            return read_obj(path)
-        mesh = trimesh.load_mesh(path)
-    except (OSError, ValueError, LookupError, ArithmeticError, AttributeError, TypeError) as error:
-        reason = " ".join(str(error).split()).rstrip(".")
-        raise GoalError(f"{path} cannot be read as a mesh ({reason}); export it again as STL, OBJ or PLY.") from error
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+def _inside_out(triangles: FloatArray) -> bool:
+    """Whether most faces of triangles [T, 3, 3] point down, or, where as many point up, inwards."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normal = np.cross(b - a, c - a)
+    upwards, area = float(normal[:, 2].sum()), float(np.linalg.norm(normal, axis=1).sum())
+    if abs(upwards) > _OPEN * area:
+        return upwards < 0
+    middle = triangles.reshape(-1, 3).mean(axis=0)
+    return float((normal * (a - middle)).sum()) < 0
 
 
 def top_of(triangles: FloatArray, side_px: int) -> FloatArray:
@@ -234,34 +270,3 @@ def plain_relief(picture: Image) -> FloatArray:
     luminance = averaged_light(picture, (height, width)) @ _LUMINANCE
     smooth = cv2.GaussianBlur(luminance, (0, 0), max(_BLUR * max(luminance.shape), 0.5))
     return np.asarray(np.cbrt(np.clip(smooth, 0.0, 1.0)))  # approximates CIE L*
-
-
-def depth_relief(picture: Image, folder: Path) -> FloatArray:
-    """Near is high: depth [h, w] of a picture, sRGB [h, w, 3], by a depth model of transformers in a local folder.
-
-    Models of relative depth predict inverse depth, models of metric depth metres; both are converted to heights.
-
-    Raises:
-        GoalError: the folder holds no such model, or its depth is constant or not finite.
-    """
-    import torch
-    from transformers import AutoImageProcessor, AutoModelForDepthEstimation
-
-    from pentimento.semantics.pretrained import load_pretrained, unreadable
-
-    try:
-        model = load_pretrained(AutoModelForDepthEstimation, folder, "The depth model")
-        with unreadable(f"The image processor in {folder}"):
-            processor = AutoImageProcessor.from_pretrained(folder, local_files_only=True)
-    except ConfigError as error:
-        raise GoalError(
-            f"{folder} holds no depth model of transformers ({error}); save model and image processor there with "
-            "save_pretrained, or choose the plain relief."
-        ) from error
-    with torch.no_grad():
-        depth_map = model(**processor(images=picture, return_tensors="pt")).predicted_depth[0].double().numpy()
-    if not np.isfinite(depth_map).all() or np.ptp(depth_map) == 0:
-        raise GoalError(f"The depth model of {folder} sees no depth in this picture; choose the plain relief.")
-    metric = getattr(model.config, "depth_estimation_type", "relative") == "metric"
-    depth = cv2.resize(depth_map, (picture.shape[1], picture.shape[0]), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(-depth if metric else depth, dtype=np.float64)

@@ -24,7 +24,6 @@ from pentimento.diagnosis.strokes.fit import first_model
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import observable_causes
 from pentimento.dynamics.pushes.measured import load_pushes
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY as OF_PUSHES
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY as OF_STROKES
 from pentimento.io.table_checks import (
     commanded_pushes,
@@ -39,6 +38,7 @@ from pentimento.io.table_checks import (
     shown_strokes,
     too_little,
 )
+from pentimento.planning.pushes.analytic.mechanisms import VOCABULARY as OF_PUSHES
 
 Array = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ from pentimento.diagnosis.pushes.fit import fit
 from pentimento.diagnosis.pushes.jacobian import derivatives
 from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, cropped
 from pentimento.diagnosis.pushes.measured import measure as measure_pushes
-from pentimento.dynamics.pushes.analytic import first_model
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
+from pentimento.planning.pushes.analytic.model import first_model
 from studies.blind.pushes.collect import as_table, rows_with_and_without
 from studies.blind.pushes.worlds import Sketch
 from studies.blind.truth import Strength, StrengthError

@@ -21,7 +21,7 @@ from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.pushes.problem import PushResult, push_problem
 from pentimento.diagnosis.pushes.write import usable
 from pentimento.diagnosis.verdict import verdict
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY
+from pentimento.planning.pushes.analytic.mechanisms import VOCABULARY
 from studies.blind.rivals import named_by_rivals
 
 _SIDE_PX = 64

@@ -10,9 +10,9 @@ from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.problem import PushResult, push_problem
 from pentimento.dynamics.pushes.measured import PushSamples
-from pentimento.dynamics.pushes.mechanisms.far_field import FarField
-from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
-from pentimento.dynamics.pushes.mechanisms.volume_loss import VolumeLoss
+from pentimento.planning.pushes.analytic.mechanisms.far_field import FarField
+from pentimento.planning.pushes.analytic.mechanisms.tool_backlash import ToolBacklash
+from pentimento.planning.pushes.analytic.mechanisms.volume_loss import VolumeLoss
 from tests.dynamics.pushes.played_pushes import blank, mechanism, played
 
 ACTIONS, LOST = 28, 0.5

@@ -9,8 +9,8 @@ from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.pushes.problem import push_problem, with_learned_residual
 from pentimento.diagnosis.verdict import verdict
-from pentimento.dynamics.pushes.mechanisms.slope_slide import SlopeSlide
-from pentimento.dynamics.pushes.mechanisms.volume_loss import VolumeLoss
+from pentimento.planning.pushes.analytic.mechanisms.slope_slide import SlopeSlide
+from pentimento.planning.pushes.analytic.mechanisms.volume_loss import VolumeLoss
 from tests.diagnosis.pushes.conftest import LOST, Played
 
 

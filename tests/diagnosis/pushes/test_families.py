@@ -10,9 +10,9 @@ import pytest
 from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.pushes.measured import measure
 from pentimento.diagnosis.pushes.problem import PushResult, push_problem
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY, Mechanism
-from pentimento.dynamics.pushes.mechanisms.mechanism import Motion
+from pentimento.planning.pushes.analytic.mechanisms import VOCABULARY, Mechanism
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import Motion
+from pentimento.planning.pushes.analytic.scene import PushScene
 from tests.dynamics.pushes.played_pushes import blank, mechanism, played
 
 ACTIONS = 28

@@ -15,10 +15,10 @@ from pentimento.diagnosis.pushes.fit import equalised, fit
 from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, linearise, linearise_rows, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.modes import MODES, AllModes, mode_scores
-from pentimento.dynamics.pushes.analytic import BASE, KNOTS, PROFILE, AnalyticPush, first_model, identity
-from pentimento.dynamics.pushes.analytic_scene import distance_from_path
-from pentimento.dynamics.pushes.mechanisms.adhesion_lift import AdhesionLift
-from pentimento.dynamics.pushes.mechanisms.height_offset import HeightOffset
+from pentimento.planning.pushes.analytic.mechanisms.adhesion_lift import AdhesionLift
+from pentimento.planning.pushes.analytic.mechanisms.height_offset import HeightOffset
+from pentimento.planning.pushes.analytic.model import BASE, KNOTS, PROFILE, AnalyticPush, first_model, identity
+from pentimento.planning.pushes.analytic.scene import distance_from_path
 from tests.diagnosis.pushes.conftest import Played
 from tests.dynamics.pushes.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, mechanism, played
 

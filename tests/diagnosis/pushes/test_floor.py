@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.diagnosis.pushes.floor import ExecutionNoise, noise_derivatives, noise_floor
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
-from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model
+from pentimento.planning.pushes.analytic.model import AnalyticPush, first_model
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, blank, played
 
 

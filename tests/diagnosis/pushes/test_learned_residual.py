@@ -12,10 +12,10 @@ from pentimento.diagnosis.pushes.floor import noise_derivatives
 from pentimento.diagnosis.pushes.jacobian import linearise, mean_squared_error, residual
 from pentimento.diagnosis.pushes.learned_residual import learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
-from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
-from pentimento.dynamics.pushes.mechanisms import Mechanism
-from pentimento.dynamics.pushes.mechanisms.stiffness_drift import StiffnessDrift
-from pentimento.dynamics.pushes.mechanisms.volume_loss import VolumeLoss
+from pentimento.planning.pushes.analytic.mechanisms import Mechanism
+from pentimento.planning.pushes.analytic.mechanisms.stiffness_drift import StiffnessDrift
+from pentimento.planning.pushes.analytic.mechanisms.volume_loss import VolumeLoss
+from pentimento.planning.pushes.analytic.model import AnalyticPush, first_model, identity
 from tests.dynamics.pushes.played_pushes import mechanism, played
 
 Session = tuple[MeasuredPushes, AnalyticPush, list[Mechanism]]

@@ -22,7 +22,7 @@ from pentimento.diagnosis.pushes.next_pushes import (
     screen,
 )
 from pentimento.diagnosis.pushes.page import build_page
-from pentimento.dynamics.pushes.analytic import model_as_json, model_from_json
+from pentimento.planning.pushes.analytic.model import model_as_json, model_from_json
 from tests.diagnosis.pushes.conftest import Played
 
 

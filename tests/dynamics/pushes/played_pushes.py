@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from pentimento.contracts.height_maps import surface_at_m
-from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
-from pentimento.dynamics.pushes.analytic_scene import scene_of
 from pentimento.dynamics.pushes.measured import PushSamples
-from pentimento.dynamics.pushes.mechanisms import Mechanism
+from pentimento.dynamics.pushes.measured_scene import scene_of
+from pentimento.planning.pushes.analytic.mechanisms import Mechanism
+from pentimento.planning.pushes.analytic.model import AnalyticPush, first_model, identity
 
 SIDE_M, PIXELS = 0.14, 84
 WINDOW_M = (0.0, 0.0, SIDE_M, SIDE_M)
@@ -124,7 +124,7 @@ def _flat(action: np.ndarray) -> Any:
 
 
 def _named(model: AnalyticPush) -> tuple[Any, Any]:
-    from pentimento.dynamics.pushes.analytic import BASE
+    from pentimento.planning.pushes.analytic.model import BASE
 
     return BASE, model.base
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.frames import canvas_to_pixel, canvas_to_stroke, pixel_to_canvas
+from pentimento.planning.pushes.memory import FRESH, PushMemory
 from pentimento.planning.pushes.rollout import Pull
 
 Array = NDArray[np.float32]
@@ -37,14 +38,14 @@ class PressedClay:
         self.end_effector = end_effector
         self._radius_m, self._kept, self._strength = radius_m, kept, strength
 
-    def after(self, height_m: Array, actions: FloatArray) -> Array:
+    def after(self, height_m: Array, actions: FloatArray, memory: PushMemory = FRESH) -> Array:
         return (
             np.array([self._press(height_m.astype(np.float64), action)[0] for action in actions])
             .reshape(-1, *height_m.shape)
             .astype(np.float32)
         )
 
-    def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
+    def step(self, height_m: Array, action: FloatArray, memory: PushMemory = FRESH) -> tuple[Array, Pull]:
         height = height_m.astype(np.float64)
         after, share, ring, corner, of_corner = self._press(height, action)
 

@@ -123,7 +123,7 @@ def test_a_disagreement_weight_prefers_actions_of_low_ensemble_variance() -> Non
     class Unsure(PressedClay):
         """As its sister where y is above the middle, and half as strong where it is below."""
 
-        def after(self, height_m, actions):  # type: ignore[no-untyped-def]
+        def after(self, height_m, actions, memory=None):  # type: ignore[no-untyped-def]
             weaker = actions * np.where(actions[:, 1:2] < 0.05, [1, 1, 1, 1, 0.3], 1.0)
             return super().after(height_m, weaker)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pentimento.planning.objectives import ClayObjective, Weights
+from pentimento.planning.pushes.memory import FRESH, PushMemory
 from pentimento.planning.pushes.rollout import EnsembleRollout
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 
@@ -56,3 +57,35 @@ def test_rollout_rejects_members_of_different_end_effectors() -> None:
         EnsembleRollout([PressedClay(), PressedClay(end_effector="edge")], OBJECTIVE, 0.0)
     with pytest.raises(ValueError, match="no push model"):
         EnsembleRollout([], OBJECTIVE, 0.0)
+
+
+class Hardening(PressedClay):
+    """Clay that a tool enters less deeply with every push before."""
+
+    def after(self, height_m, actions, memory=FRESH):  # type: ignore[no-untyped-def]
+        return super().after(height_m, actions * [1, 1, 1, 1, 0.5 ** len(memory.actions)])
+
+    def step(self, height_m, action, memory=FRESH):  # type: ignore[no-untyped-def]
+        weaker = np.array([1, 1, 1, 1, 0.5 ** len(memory.actions)])
+        after, pull = super().step(height_m, action * weaker)
+        return after, lambda cotangent: (lambda pair: (pair[0], pair[1] * weaker))(pull(cotangent))
+
+
+def test_each_push_of_a_sequence_has_the_memory_of_those_before() -> None:
+    foresight = EnsembleRollout([Hardening()], OBJECTIVE, disagreement_weight=0.0)
+    plain = EnsembleRollout([PressedClay()], OBJECTIVE, disagreement_weight=0.0)
+    weaker = PUSHES * [[1, 1, 1, 1, 1], [1, 1, 1, 1, 0.5]]
+    np.testing.assert_array_equal(foresight.roll_out(flat(), PUSHES), plain.roll_out(flat(), weaker))
+    later = foresight.following(PUSHES[:1])
+    np.testing.assert_array_equal(later.roll_out(flat(), PUSHES[1:]), plain.roll_out(flat(), weaker[1:]))
+    value, gradient = foresight.value_and_gradient(flat(), PUSHES)
+    assert value == foresight.value(foresight.roll_out(flat(), PUSHES))
+    way = np.random.default_rng(2).normal(0, 1, PUSHES.shape) * [1e-4, 1e-4, 1e-2, 1e-4, 1e-4]
+    low, high = (foresight.value(foresight.roll_out(flat(), PUSHES + sign * way)) for sign in (-1, 1))
+    assert 0.5 * (high - low) == pytest.approx(float((gradient * way).sum()), rel=0.02)
+
+
+def test_memory_counts_pushes_and_keeps_what_else_is_known() -> None:
+    memory = PushMemory((), {"order": 3.0, "pushes_since_reset": 0.0, "temperature_c": 21.0}).after(PUSHES[0])
+    assert memory.covariates == {"order": 4.0, "pushes_since_reset": 1.0, "temperature_c": 21.0}
+    assert len(memory.actions) == 1

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from pentimento.diagnosis.gauss_newton import damped_step, predicted_decrease
 from pentimento.diagnosis.pushes.jacobian import action_losses, mean_squared_error, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.dynamics.pushes.analytic import (
+from pentimento.planning.pushes.analytic.model import (
     BASE,
     KNOTS,
     PROFILE,
     AnalyticPush,
     first_model,
 )
-from pentimento.dynamics.pushes.analytic_scene import distance_from_path
+from pentimento.planning.pushes.analytic.scene import distance_from_path
 
 Array = NDArray[Any]
 _PRIOR_WEIGHT = 0.001

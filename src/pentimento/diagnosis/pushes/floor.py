@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pentimento.diagnosis.evaluation import Floor, floor_of_repeats
 from pentimento.diagnosis.pushes.jacobian import residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.dynamics.pushes.analytic import AnalyticPush
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, Quantity
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import Mechanism, Motion, Quantity
+from pentimento.planning.pushes.analytic.model import AnalyticPush
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 Array = NDArray[Any]
 _STEP_M = 1e-5

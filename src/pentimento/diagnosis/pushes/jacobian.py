@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from pentimento.diagnosis.batches import in_batches
 from pentimento.diagnosis.gauss_newton import Statistics, by_action
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.dynamics.pushes.analytic import BASE, CONTACT, HEAP, KEPT, AnalyticPush, heap, keep, settle, touch
-from pentimento.dynamics.pushes.analytic_scene import PushScene
+from pentimento.planning.pushes.analytic.model import BASE, CONTACT, HEAP, KEPT, AnalyticPush, heap, keep, settle, touch
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 Array = NDArray[Any]
 

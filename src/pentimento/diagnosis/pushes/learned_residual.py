@@ -20,9 +20,9 @@ from pentimento.diagnosis.boosting import Trees, action_effect, cause_projection
 from pentimento.diagnosis.pushes.floor import noise_derivatives
 from pentimento.diagnosis.pushes.jacobian import MM, linearise, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
-from pentimento.dynamics.pushes.analytic import AnalyticPush, keep, settle, touch
-from pentimento.dynamics.pushes.mechanisms import Mechanism
-from pentimento.dynamics.pushes.mechanisms.mechanism import spread
+from pentimento.planning.pushes.analytic.mechanisms import Mechanism
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import spread
+from pentimento.planning.pushes.analytic.model import AnalyticPush, keep, settle, touch
 
 Array = NDArray[Any]
 

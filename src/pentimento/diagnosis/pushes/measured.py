@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of, smoothed_periods
 from pentimento.dynamics.pushes.measured import PushSamples
+from pentimento.dynamics.pushes.measured_scene import scene_of, smoothed_periods
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 Array = NDArray[Any]
 PIXELS_PER_M = 640.0

@@ -14,9 +14,16 @@ from numpy.typing import NDArray
 from pentimento.diagnosis.pushes.jacobian import linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.residual_structure import ModeScores
-from pentimento.dynamics.pushes.analytic import AnalyticPush
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Quantity, Settled, spread
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
+    Contact,
+    Mechanism,
+    Motion,
+    Quantity,
+    Settled,
+    spread,
+)
+from pentimento.planning.pushes.analytic.model import AnalyticPush
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 Array = NDArray[Any]
 

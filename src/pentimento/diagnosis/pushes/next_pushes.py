@@ -30,9 +30,9 @@ from pentimento.diagnosis.pushes.jacobian import linearise, linearise_rows, resi
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
 from pentimento.diagnosis.pushes.problem import PushResult, observable_causes, with_learned_residual
-from pentimento.dynamics.pushes.analytic import AnalyticPush
-from pentimento.dynamics.pushes.analytic_scene import PushScene, local_places, push_scene, surface_at_start, swept_m
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY
+from pentimento.planning.pushes.analytic.mechanisms import VOCABULARY
+from pentimento.planning.pushes.analytic.model import AnalyticPush
+from pentimento.planning.pushes.analytic.scene import PushScene, local_places, push_scene, surface_at_start, swept_m
 
 Array = NDArray[Any]
 PushScreening = Screening[MeasuredPushes, AnalyticPush]

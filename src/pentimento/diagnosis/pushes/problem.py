@@ -21,9 +21,9 @@ from pentimento.diagnosis.pushes.learned_residual import learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
 from pentimento.diagnosis.residual_structure import ModeScores
-from pentimento.dynamics.pushes.analytic import AnalyticPush, first_model, identity
-from pentimento.dynamics.pushes.mechanisms import UNNAMED, Mechanism
-from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
+from pentimento.planning.pushes.analytic.mechanisms import UNNAMED, Mechanism
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import NotObservable
+from pentimento.planning.pushes.analytic.model import AnalyticPush, first_model, identity
 
 Array = NDArray[Any]
 

@@ -18,11 +18,11 @@ from pentimento.diagnosis.pushes.next_pushes import as_table, proposal_for, scre
 from pentimento.diagnosis.pushes.page import build_page
 from pentimento.diagnosis.pushes.problem import PushResult, push_problem, with_learned_residual
 from pentimento.diagnosis.verdict import verdict, write_result
-from pentimento.dynamics.pushes.analytic import model_as_json
-from pentimento.dynamics.pushes.analytic_correction import Correction, split_hidden
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY
-from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable
+from pentimento.planning.pushes.analytic.correction import Correction, Range, split_hidden
+from pentimento.planning.pushes.analytic.mechanisms import VOCABULARY
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import NotObservable
+from pentimento.planning.pushes.analytic.model import model_as_json
 
 Array = NDArray[Any]
 
@@ -126,8 +126,12 @@ def validate_correction(
     rest = unseen & ~deciding
     if models is None:
         return ValidatedCorrection(None, (), None, (float(alone[rest].mean()),) * 2)
-    typical = {name: float(np.nanmean(v)) for name, v in measured.scene.covariates.items() if np.isfinite(v).any()}
-    correction = Correction(*models, measured.scene.half_width_m, typical)
+    ranges = {
+        name: Range(float(np.nanmin(values)), float(np.nanmean(values)), float(np.nanmax(values)))
+        for name, values in measured.scene.covariates.items()
+        if np.isfinite(values).any()
+    }
+    correction = Correction(*models, measured.scene.half_width_m, ranges)
     with_it = _row_errors(after + correction.of(measured.scene), measured)
     errors = float(alone[deciding].mean()), float(with_it[deciding].mean())
     kept = errors[1] < errors[0]

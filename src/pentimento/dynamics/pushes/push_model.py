@@ -17,6 +17,7 @@ from torch import Tensor
 from pentimento.contracts.errors import ConfigError
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import Crop, to_canvas, to_pose
+from pentimento.planning.pushes.memory import FRESH, PushMemory
 from pentimento.planning.pushes.rollout import Array, FloatArray, Pull
 
 _SCHEMA = 1
@@ -101,7 +102,7 @@ def read_push_model(folder: Path) -> PushModel:
 
 class TorchClay:
     """Networks of one context over one window; their predictions are averaged. Implements
-    ``planning.pushes.rollout.PushModel``, with gradients by autograd."""
+    ``planning.pushes.rollout.PushModel``, with gradients by autograd. They know no memory."""
 
     def __init__(
         self, networks: tuple[Param2Deform, ...], crop: Crop, *, context: int, window_m: FloatArray, tool: str
@@ -119,7 +120,7 @@ class TorchClay:
         """End-effector of the context."""
         return self._tool
 
-    def after(self, height_m: Array, actions: FloatArray) -> Array:
+    def after(self, height_m: Array, actions: FloatArray, memory: PushMemory = FRESH) -> Array:
         """See ``planning.pushes.rollout.PushModel``."""
         height = torch.from_numpy(np.ascontiguousarray(height_m, dtype=np.float32))
         result = np.empty((len(actions), *height_m.shape), dtype=np.float32)
@@ -129,7 +130,7 @@ class TorchClay:
                 result[first : first + _BATCH] = self.heights(height.expand(len(some), -1, -1), some).numpy()
         return result
 
-    def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
+    def step(self, height_m: Array, action: FloatArray, memory: PushMemory = FRESH) -> tuple[Array, Pull]:
         """See ``planning.pushes.rollout.PushModel``."""
         height = torch.from_numpy(np.array(height_m, dtype=np.float32)).requires_grad_(True)
         action_tensor = torch.from_numpy(np.array(action, dtype=np.float32)).requires_grad_(True)

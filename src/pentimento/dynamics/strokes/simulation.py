@@ -16,7 +16,8 @@ from typing import ClassVar, Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.causes import NotObservable as NotObservable
+from pentimento.contracts.causes import Quantity as Quantity
 from pentimento.dynamics.strokes.autograd import render_strokes
 from pentimento.dynamics.strokes.traj2stroke import Mark
 from pentimento.render.strokes import PixelStrokes
@@ -39,21 +40,6 @@ class View(NamedTuple):
 
 Site = Literal["trajectory", "width", "density", "composite", "camera"]
 _ORDER: tuple[Site, ...] = ("trajectory", "width", "density", "composite", "camera")
-
-
-class Quantity(NamedTuple):
-    """One number of a mechanism."""
-
-    name: str
-    unit: str
-    typical: float
-    """The size of a typical effect."""
-    signed: bool = True
-    """Whether it may be below 0. A tip cannot lead its command, for example."""
-
-
-class NotObservable(PentimentoError):
-    """A cause is not identifiable from these strokes: a covariate was not recorded or did not vary."""
 
 
 class StrokeContext(NamedTuple):

@@ -62,7 +62,7 @@ def predicted(actions: FloatArray, height_m: Array, foresight: EnsembleRollout) 
     states = foresight.start(height_m)
     means, values = [states.mean(axis=0)], [foresight.value(states)]
     for action in actions:
-        states = foresight.act(states, action)
+        states, foresight = foresight.act(states, action), foresight.following(action[None])
         means.append(states.mean(axis=0))
         values.append(foresight.value(states))
     return PushPlan(actions, np.stack(means), np.array(values))
@@ -79,14 +79,14 @@ def _extended(
     rng: np.random.Generator,
 ) -> FloatArray:
     """The actions, followed by greedily chosen ones while these help."""
-    states = foresight.roll_out(height_m, actions)
+    states, foresight = foresight.roll_out(height_m, actions), foresight.following(actions)
     value = foresight.value(states)
     while len(actions) < wanted:
         action, lower = best_action(states, foresight, reach, config=config, rng=rng)
         if not _helps(value, lower, config):
             break
         actions = np.concatenate([actions, action[None]])
-        states, value = foresight.act(states, action), lower
+        states, value, foresight = foresight.act(states, action), lower, foresight.following(action[None])
     return actions
 
 
@@ -98,7 +98,7 @@ def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, *
         after = foresight.act(states, action)
         lower = foresight.value(after)
         if _helps(value, lower, config):
-            states, value = after, lower
+            states, value, foresight = after, lower, foresight.following(action[None])
             kept.append(action)
     return np.stack(kept) if kept else np.zeros((0, 5))
 

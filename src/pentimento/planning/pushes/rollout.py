@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.planning.objectives import ClayObjective
+from pentimento.planning.pushes.memory import FRESH, PushMemory
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -34,11 +35,13 @@ class PushModel(Protocol):
     def end_effector(self) -> str:
         """Name of the end-effector that the model was fitted to."""
 
-    def after(self, height_m: Array, actions: FloatArray) -> Array:
-        """Heights [K, H, W] after each of K alternative actions [K, 5] on one height map [H, W]. K may be 0."""
+    def after(self, height_m: Array, actions: FloatArray, memory: PushMemory = FRESH) -> Array:
+        """Heights [K, H, W] after each of K alternative actions [K, 5] on one height map [H, W] with this memory. K may
+        be 0."""
 
-    def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
-        """The height [H, W] after an action [5] on a height map [H, W], and the pull-back."""
+    def step(self, height_m: Array, action: FloatArray, memory: PushMemory = FRESH) -> tuple[Array, Pull]:
+        """The height [H, W] after an action [5] on a height map [H, W] with this memory, and the pull-back, which
+        takes the memory as given."""
 
 
 _MM = 1e3
@@ -50,9 +53,18 @@ class EnsembleRollout:
     The value is the objective of the members' mean, plus ``disagreement_weight`` times their variance in mm² with the
     weight of the 3D error (thesis 7.6.2 asks for such a treatment of uncertainty). With a weight of 1, its 3D
     part is the expected 3D error, since E‖S' − S‖² = ‖S' − ES‖² + Var S. With 0, or one member, it is eq. (7.7).
+
+    Actions act on clay with one ``memory``; ``following`` gives the rollout for clay on which they were executed.
     """
 
-    def __init__(self, members: Sequence[PushModel], objective: ClayObjective, disagreement_weight: float) -> None:
+    def __init__(
+        self,
+        members: Sequence[PushModel],
+        objective: ClayObjective,
+        disagreement_weight: float,
+        *,
+        memory: PushMemory = FRESH,
+    ) -> None:
         """Take members of one end-effector and one window.
 
         Raises:
@@ -68,6 +80,15 @@ class EnsembleRollout:
         self.members = tuple(members)
         self.objective = objective
         self.disagreement_weight = disagreement_weight
+        self.memory = memory
+
+    def remembering(self, memory: PushMemory) -> EnsembleRollout:
+        """The same rollout on clay with another memory."""
+        return EnsembleRollout(self.members, self.objective, self.disagreement_weight, memory=memory)
+
+    def following(self, actions: FloatArray) -> EnsembleRollout:
+        """The same rollout on clay on which these actions [N, 5] were executed as well."""
+        return self.remembering(_remembered(self.memory, actions))
 
     def start(self, height_m: Array) -> Array:
         """Each member's clay [M, H, W] before any action."""
@@ -75,7 +96,9 @@ class EnsembleRollout:
 
     def values_after(self, states_m: Array, actions: FloatArray) -> FloatArray:
         """The value [K] after each of K alternative actions [K, 5] on the members' clay [M, H, W]."""
-        after = np.stack([m.after(state, actions) for m, state in zip(self.members, states_m, strict=True)])
+        after = np.stack(
+            [m.after(state, actions, self.memory) for m, state in zip(self.members, states_m, strict=True)]
+        )
         values = self.objective.values(after.mean(axis=0))
         if len(self.members) > 1 and self.disagreement_weight > 0:
             values = values + self._variance_cost * np.var(after, axis=0).mean(axis=(-2, -1), dtype=np.float64)
@@ -89,18 +112,19 @@ class EnsembleRollout:
     def act(self, states_m: Array, action: FloatArray) -> Array:
         """The members' clay [M, H, W] after an action [5]."""
         pairs = zip(self.members, states_m, strict=True)
-        return np.stack([member.after(state, action[None])[0] for member, state in pairs])
+        return np.stack([member.after(state, action[None], self.memory)[0] for member, state in pairs])
 
     def roll_out(self, height_m: Array, actions: FloatArray) -> Array:
         """The members' clay [M, H, W] after a sequence of actions [N, 5]."""
         states = self.start(height_m)
+        foresight = self
         for action in actions:
-            states = self.act(states, action)
+            states, foresight = foresight.act(states, action), foresight.following(action[None])
         return states
 
     def value_and_gradient(self, height_m: Array, actions: FloatArray) -> tuple[float, FloatArray]:
         """The value after a sequence of actions [N, 5], and its gradient [N, 5]."""
-        ends, backs = zip(*(_through(member, height_m, actions) for member in self.members), strict=True)
+        ends, backs = zip(*(_through(member, height_m, actions, self.memory) for member in self.members), strict=True)
         states = np.stack(ends)
         mean = states.mean(axis=0)
         of_mean = self.objective(mean)[1] / len(states)
@@ -116,12 +140,21 @@ class EnsembleRollout:
         return self.disagreement_weight * self.objective.weights.error_3d * _MM**2
 
 
-def _through(member: PushModel, height_m: Array, actions: FloatArray) -> tuple[Array, Callable[[Array], FloatArray]]:
+def _remembered(memory: PushMemory, actions: FloatArray) -> PushMemory:
+    for action in actions:
+        memory = memory.after(action)
+    return memory
+
+
+def _through(
+    member: PushModel, height_m: Array, actions: FloatArray, memory: PushMemory
+) -> tuple[Array, Callable[[Array], FloatArray]]:
     """One member's clay after the actions, and the pull-back from a cotangent [H, W] to the actions' [N, 5]."""
     pulls = []
     for action in actions:
-        height_m, pull = member.step(height_m, action)
+        height_m, pull = member.step(height_m, action, memory)
         pulls.append(pull)
+        memory = memory.after(action)
 
     def back(cotangent: Array) -> FloatArray:
         gradients = []

@@ -10,12 +10,13 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from pentimento.diagnosis.pushes.modes import command_covariates
-from pentimento.dynamics.pushes.analytic import BASE, AnalyticPush, first_model, identity, touch
-from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of
-from pentimento.dynamics.pushes.mechanisms import UNNAMED, VOCABULARY, Mechanism
-from pentimento.dynamics.pushes.mechanisms.mechanism import NotObservable, spread
-from pentimento.dynamics.pushes.mechanisms.slope_slide import relaxed
-from pentimento.dynamics.pushes.mechanisms.unnamed import Sinking
+from pentimento.dynamics.pushes.measured_scene import scene_of
+from pentimento.planning.pushes.analytic.mechanisms import UNNAMED, VOCABULARY, Mechanism
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import NotObservable, spread
+from pentimento.planning.pushes.analytic.mechanisms.slope_slide import relaxed
+from pentimento.planning.pushes.analytic.mechanisms.unnamed import Sinking
+from pentimento.planning.pushes.analytic.model import BASE, AnalyticPush, first_model, identity, touch
+from pentimento.planning.pushes.analytic.scene import PushScene
 from tests.dynamics.documented_causes import documented_causes
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, blank
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Array, Contact, Mechanism, Quantity, Settled
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import Array, Contact, Mechanism, Quantity, Settled
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 _ANGLES = (0.6, 1.1, 1.9)
 """Tangents of the angles of repose."""

@@ -5,8 +5,7 @@ A diagnosis fits them where they explain more, but does not name them.
 
 from __future__ import annotations
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import (
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
     Mechanism,
     Motion,
     NotObservable,
@@ -15,6 +14,7 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import (
     log_times,
     usual_s,
 )
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 
 class ClosedStart(Mechanism):

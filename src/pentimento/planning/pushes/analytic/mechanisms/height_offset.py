@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, Quantity
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import Mechanism, Motion, Quantity
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 
 class HeightOffset(Mechanism):

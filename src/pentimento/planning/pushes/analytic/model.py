@@ -7,7 +7,7 @@ ramps linearly and is relative to the surface at the start). The lower envelope 
 
 P is the tool's profile: a ball of radius R near the tip, with free offsets further out. s is the station at which the
 ball reaches lowest. A tool with corners reaches further along its diagonals. Arm and slab are compliant, so the depth m
-s is reduced where the surface resists and increased over an old groove (``analytic_scene.resistance_of``). Material
+s is reduced where the surface resists and increased over an old groove (``scene.resistance_of``). Material
 above E in ``before`` is pressed down, so the model is state-conditioned. A fraction stays as an indentation. Its volume
 is deposited around the groove (``heaping``). Where the tool lifts off, a peak may remain. The result is blurred by a
 Gaussian.
@@ -25,11 +25,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.dynamics.pushes.analytic_scene import STATIONS, PushScene, deepest_m, yielded
-from pentimento.dynamics.pushes.contact import Sweep, contact_of
-from pentimento.dynamics.pushes.heaping import heaped
-from pentimento.dynamics.pushes.mechanisms import UNNAMED, VOCABULARY
-from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Motion, Settled, per_push, spread
+from pentimento.planning.pushes.analytic.contact import Sweep, contact_of
+from pentimento.planning.pushes.analytic.heaping import heaped
+from pentimento.planning.pushes.analytic.mechanisms import UNNAMED, VOCABULARY
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
+    Contact,
+    Mechanism,
+    Motion,
+    Settled,
+    per_push,
+    spread,
+)
+from pentimento.planning.pushes.analytic.scene import STATIONS, PushScene, deepest_m, yielded
 
 Array = NDArray[Any]
 KNOTS = (0.35, 0.6, 0.85, 1.15, 1.6)

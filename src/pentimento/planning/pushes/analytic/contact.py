@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pentimento.dynamics.pushes.mechanisms.mechanism import Contact
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import Contact
 
 Array = NDArray[Any]
 

@@ -8,17 +8,15 @@ import pytest
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import canvas_to_stroke, pixel_to_canvas
 from pentimento.contracts.height_maps import surface_at_m
-from pentimento.dynamics.pushes.analytic_scene import (
+from pentimento.dynamics.pushes.measured_scene import scene_of, smoothed_periods, usual_half_width_m
+from pentimento.planning.pushes.analytic.scene import (
     STATIONS,
     deepest_m,
     distance_from_path,
     local_places,
     resistance_of,
-    scene_of,
-    smoothed_periods,
     surface_at_start,
     swept_m,
-    usual_half_width_m,
     yielded,
 )
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, PIXELS, blank, played

@@ -9,19 +9,21 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ContractError
-from pentimento.dynamics.pushes.analytic import first_model, identity
-from pentimento.dynamics.pushes.analytic_correction import (
+from pentimento.dynamics.pushes.measured_scene import scene_of
+from pentimento.planning.pushes.analytic.correction import (
     FILE,
     CorrectedClay,
     Correction,
+    Range,
     corrected,
     correction_as_json,
     read_correction,
     split_hidden,
 )
-from pentimento.dynamics.pushes.analytic_scene import scene_of
-from pentimento.dynamics.pushes.mechanisms.far_field import FarField
-from pentimento.dynamics.pushes.mechanisms.tool_backlash import ToolBacklash
+from pentimento.planning.pushes.analytic.mechanisms.far_field import FarField
+from pentimento.planning.pushes.analytic.mechanisms.tool_backlash import ToolBacklash
+from pentimento.planning.pushes.analytic.model import first_model, identity
+from pentimento.planning.pushes.memory import FRESH, PushMemory
 from pentimento.planning.pushes.rollout import Array, FloatArray, Pull
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, PIXELS, SIDE_M, blank
 
@@ -34,10 +36,10 @@ class UniformClay:
     window_m = WINDOW_M
     end_effector = "ball"
 
-    def after(self, height_m: Array, actions: FloatArray) -> Array:
+    def after(self, height_m: Array, actions: FloatArray, memory: PushMemory = FRESH) -> Array:
         return np.stack([height_m - np.float32(0.1 * action[4]) for action in actions])
 
-    def step(self, height_m: Array, action: FloatArray) -> tuple[Array, Pull]:
+    def step(self, height_m: Array, action: FloatArray, memory: PushMemory = FRESH) -> tuple[Array, Pull]:
         def pull(cotangent: Array) -> tuple[Array, FloatArray]:
             return cotangent, np.array([0.0, 0.0, 0.0, 0.0, -0.1 * cotangent.sum()])
 
@@ -51,7 +53,7 @@ def correction() -> Correction:
     base = first_model(scene)
     backlash = ToolBacklash(np.array([0.001, 0.0]), {})
     swell = FarField(np.array([0.2]), {})
-    return Correction(base.plus(swell, backlash), base.plus(swell), HALF_WIDTH_M, {"dwell_s": 1.0})
+    return Correction(base.plus(swell, backlash), base.plus(swell), HALF_WIDTH_M, {"dwell_s": Range(0.0, 1.0, 2.0)})
 
 
 def test_correction_excludes_visible_causes(correction: Correction) -> None:
@@ -79,7 +81,7 @@ def test_corrected_model_adds_correction_and_its_gradient(correction: Correction
 
 def test_corrected_model_accepts_no_actions(correction: Correction) -> None:
     class EmptyClay(UniformClay):
-        def after(self, height_m: Array, actions: FloatArray) -> Array:
+        def after(self, height_m: Array, actions: FloatArray, memory: PushMemory = FRESH) -> Array:
             return np.zeros((len(actions), *height_m.shape), np.float32)
 
     height = np.zeros((PIXELS, PIXELS), np.float32)
@@ -111,3 +113,8 @@ def test_split_hidden_removes_only_hidden_causes() -> None:
     both = split_hidden(base.plus(swell, backlash), lambda model: model)
     assert both is not None
     assert [len(model.mechanisms) for model in both] == [2, 1]
+
+
+def test_a_covariate_is_never_extrapolated() -> None:
+    known = Range(10.0, 20.0, 40.0)
+    assert [known.expected(value) for value in (None, float("nan"), 5.0, 30.0, 90.0)] == [20.0, 20.0, 10.0, 30.0, 40.0]

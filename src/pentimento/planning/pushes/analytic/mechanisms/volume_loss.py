@@ -7,8 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Array, Contact, Mechanism, Quantity, Settled, per_push
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
+    Array,
+    Contact,
+    Mechanism,
+    Quantity,
+    Settled,
+    per_push,
+)
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 
 class VolumeLoss(Mechanism):

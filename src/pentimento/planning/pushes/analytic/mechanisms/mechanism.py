@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.strokes.simulation import NotObservable, Quantity
+from pentimento.contracts.causes import NotObservable, Quantity
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 Array = NDArray[Any]
 Site = Literal["command", "contact", "material", "surface"]
@@ -106,7 +106,7 @@ class Mechanism:
     """Columns and properties of the surface and path that the effect depends on."""
     hidden_from_network: ClassVar[bool]
     """Whether the effect depends on what a network in the push's own pose does not see: place on the table, heading,
-    time or history. `analytic_correction` adds such a cause to the network's prediction."""
+    time or history. `correction` adds such a cause to the network's prediction."""
 
     def __init__(self, values: Array, reference: Mapping[str, float]) -> None:
         """``values`` float64[Q] in the quantities' units; ``reference`` as from ``reference_of`` on the fitted

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import (
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
     Contact,
     Mechanism,
     Quantity,
@@ -20,6 +19,7 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import (
     recorded,
     usual_s,
 )
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 _COLUMN = "retract_speed_m_s"
 _MIN_SPEED_M_S = 1e-4

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pentimento.dynamics.pushes.contact import Sweep
-from pentimento.dynamics.pushes.heaping import heaped
+from pentimento.planning.pushes.analytic.contact import Sweep
+from pentimento.planning.pushes.analytic.heaping import heaped
 
 PIXEL_M, SIDE = 0.0016, 64
 HALF_WIDTH_M, RADIUS_M = 0.008, 0.006

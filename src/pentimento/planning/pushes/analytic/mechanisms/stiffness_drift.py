@@ -10,8 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, NotObservable, Quantity, column, recorded
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
+    Mechanism,
+    Motion,
+    NotObservable,
+    Quantity,
+    column,
+    recorded,
+)
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 _TIME = ("t_start_s", "order")
 _TEMPERATURE = ("temperature_c",)

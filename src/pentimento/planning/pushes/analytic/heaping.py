@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pentimento.dynamics.pushes.contact import Sweep, above_tip
+from pentimento.planning.pushes.analytic.contact import Sweep, above_tip
 
 Array = NDArray[Any]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Mechanism, Motion, NotObservable, Quantity
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import Mechanism, Motion, NotObservable, Quantity
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 _DEAD_ZONE = 0.1
 """Component of the motion's direction along an axis below which the backlash is partial."""

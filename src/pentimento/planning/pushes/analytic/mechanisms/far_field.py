@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Contact, Mechanism, Quantity, Settled, spread
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import Contact, Mechanism, Quantity, Settled, spread
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 _REACHES = (2.2, 5.0)
 """Widths of the swell's two components, in half-widths of the footprint: wider than the base's rims, and with a long

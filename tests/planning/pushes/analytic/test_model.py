@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pentimento.diagnosis.pushes.jacobian import derivatives
-from pentimento.dynamics.pushes.analytic import BASE, CONTACT, AnalyticPush, first_model, identity, touch
-from pentimento.dynamics.pushes.analytic_scene import PushScene, scene_of
-from pentimento.dynamics.pushes.mechanisms import VOCABULARY
+from pentimento.dynamics.pushes.measured_scene import scene_of
+from pentimento.planning.pushes.analytic.mechanisms import VOCABULARY
+from pentimento.planning.pushes.analytic.model import BASE, CONTACT, AnalyticPush, first_model, identity, touch
+from pentimento.planning.pushes.analytic.scene import PushScene
 from tests.dynamics.pushes.played_pushes import HALF_WIDTH_M, PIXELS, blank, samples_of
 
 HARD = {"log_edge": -2.0, "log_blur": float(np.log(0.3)), "kept": 1.0}

@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import (
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
     Array,
     Contact,
     Mechanism,
@@ -24,6 +23,7 @@ from pentimento.dynamics.pushes.mechanisms.mechanism import (
     per_push,
     usual_s,
 )
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 _COMPRESSION_SCALE_M = 0.005
 """Compression at which half of the saturation is reached."""

@@ -8,8 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pentimento.dynamics.pushes.analytic_scene import PushScene
-from pentimento.dynamics.pushes.mechanisms.mechanism import Array, Contact, Mechanism, Motion, NotObservable, Quantity
+from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
+    Array,
+    Contact,
+    Mechanism,
+    Motion,
+    NotObservable,
+    Quantity,
+)
+from pentimento.planning.pushes.analytic.scene import PushScene
 
 _WORK_SCALE_M = 0.005
 """Unit of earlier work (summed depth)."""
