@@ -146,6 +146,8 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         ParityError: a graph does not compute what PyTorch does.
         ConfigError: the lean core does not support a part, or the hands differ in their number of points.
     """
+    models.encoder.model.cpu()  # graphs are exported and compared there
+    models.goal.to("cpu")
     points = _hand_points(models.hands)
     hands = {name: _hand_facts(name) for name in models.hands}
     brushes, graphs = _brushes(models, config, points)

@@ -23,6 +23,7 @@ from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.ranges import at_least
 from pentimento.copainting.goal.published import check_parts, check_pipeline, ddim_of, merge_adapter, widen
 from pentimento.copainting.jobs import generator_for
+from pentimento.semantics.devices import chosen_device, in_batches
 from pentimento.semantics.pretrained import load_pretrained, load_tokenizer, unreadable
 
 GoalPlanner: TypeAlias = StableDiffusionInstructPix2PixPipeline
@@ -208,7 +209,7 @@ def complete(
     sampling: SeededSampling,
 ) -> NDArray[np.uint8]:
     """Goal pictures, uint8 [B, H, W, 3], for canvases, uint8 [B, H, W, 3], and prompts; item i starts from noise of
-    (seed, i).
+    (seed, i). The planner moves to the chosen device.
 
     Raises:
         ContractError: pictures of another type or size than the planner takes, another number of captions, or more
@@ -218,22 +219,23 @@ def complete(
     if len(captions) != len(inputs):
         raise ContractError(f"{len(inputs)} pictures came with {len(captions)} captions; give one for each.")
     check_steps(planner.scheduler, sampling.steps)
+    planner.to(chosen_device())
     planner.unet.eval()
-    completions = []
-    for start in range(0, len(inputs), _CHUNK):
-        chosen = slice(start, start + _CHUNK)
-        shown = torch.from_numpy(np.ascontiguousarray(inputs[chosen])).permute(0, 3, 1, 2).float() / 255
+
+    def completed(part: slice) -> NDArray[np.uint8]:
+        shown = torch.from_numpy(np.ascontiguousarray(inputs[part])).permute(0, 3, 1, 2).float() / 255
         images = planner(
-            prompt=[*captions[chosen]],
+            prompt=[*captions[part]],
             image=shown,
             num_inference_steps=sampling.steps,
             guidance_scale=sampling.text_guidance,
             image_guidance_scale=sampling.image_guidance,
-            generator=[generator_for(sampling.seed, index) for index in range(start, start + len(shown))],
+            generator=[generator_for(sampling.seed, index) for index in range(part.start, part.stop)],
             output_type="np",
         ).images
-        completions.append(np.round(images * 255).astype(np.uint8))
-    return np.concatenate(completions) if completions else inputs.copy()
+        return np.round(images * 255).astype(np.uint8)
+
+    return np.concatenate(in_batches(completed, len(inputs), _CHUNK)) if len(inputs) else inputs.copy()
 
 
 def _pipeline(
