@@ -137,7 +137,7 @@ def _space(plan: Plan) -> Table:
         [
             ("pairs on disk", gigabytes(plan.kept_bytes()), f"{plan.pairs():,.0f} pairs at the measured bytes"),
             (
-                "their pictures in memory",
+                "their pictures, decoded",
                 gigabytes(plan.memory_bytes()),
                 f"two of {plan.sizes.picture_pixels} pixels a pair: finetune_goal_planner holds them all",
             ),
