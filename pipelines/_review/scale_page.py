@@ -139,7 +139,7 @@ def _space(plan: Plan) -> Table:
             (
                 "their pictures, decoded",
                 gigabytes(plan.memory_bytes()),
-                f"two of {plan.sizes.picture_pixels} pixels a pair: finetune_goal_planner holds them all",
+                f"two of {plan.sizes.picture_pixels} pixels a pair, of which fine-tuning holds a few hundred at a time",
             ),
         ],
         ("DVC's cache holds the pairs again where its file system cannot share blocks, and a remote once more.",),
