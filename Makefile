@@ -21,6 +21,8 @@ STAMP := .venv/.installed-$(shell cat pyproject.toml constraints.txt | git hash-
 # Two threads for each process: with more threads than cores, a training step takes several times longer.
 export OMP_NUM_THREADS ?= 2
 export NUMBA_NUM_THREADS ?= 2
+# Where networks compute; the published ones on a GPU if there is one. Training has its own parameter, `accelerator`.
+export PENTIMENTO_DEVICE ?= $(if $(filter full,$(PROFILE)),auto,cpu)
 # Without Python's bytecode files, every stage starts seconds later.
 export PYTHONDONTWRITEBYTECODE :=
 # No network access.

@@ -1,13 +1,17 @@
 """Fine-tune the goal planner's base on the co-paintings of all settings (thesis 6.4.2)."""
 
 import argparse
+import math
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import torch
 from diffusers import AutoencoderKL
 
@@ -15,9 +19,10 @@ from pentimento.contracts.copaintings import CONTRACT
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import write_png
 from pentimento.contracts.ranges import at_least
-from pentimento.contracts.tables import CheckedTable, read_table
+from pentimento.contracts.tables import stream_table
 from pentimento.copainting.goal.completions import Sampling, guidance_grid, score_planner
-from pentimento.copainting.goal.denoising import GoalTraining, encode_pairs
+from pentimento.copainting.goal.denoising import GoalTraining
+from pentimento.copainting.goal.latents import encode_parts
 from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
 from pentimento.copainting.goal.training import train_goal_planner
 from pentimento.copainting.goal.vae import DecoderConfig, train_decoder
@@ -27,6 +32,8 @@ from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, input_digest, tracked_run
 
+_ROWS = 256
+"""Rows of a table in memory at a time: at 512 px, 0.4 GB of pictures."""
 SCRATCH = Path(".pentimento/training")
 
 
@@ -60,14 +67,16 @@ def main(arguments: argparse.Namespace) -> None:
         tracked_run("finetune_goal_planner", None, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
     ):
-        tables = {setting: read_table(folder, CONTRACT) for setting, folder in folders.items()}
+        counts, held_out_tables = _surveyed(folders)
         planner = load_goal_planner(arguments.base)
-        training = [pair for checked in tables.values() for pair in pairs_of(checked.table, "train")]
-        held_out = _interleaved(folders, tables)
+        held_out = _interleaved(folders, held_out_tables, max(config.sampling.scored, config.sampling.shown))
         before = score_planner(planner, held_out, config.sampling)
         if config.decoder is not None:
+            training = [pair for part in _training_parts(folders) for pair in part()]
             planner.register_modules(vae=_with_decoder(planner, training, config, scratch, run))
-        latents = encode_pairs(planner, training, config.training.precision)
+        latents = encode_parts(
+            planner, _training_parts(folders), config.training.precision, scratch / f"latents-{_ROWS}"
+        )
         losses = train_goal_planner(planner, latents, config.training, scratch=scratch / "steps", log=run.log)
         grid = guidance_grid(planner, held_out[: config.sampling.shown], config.sampling)
         metrics: dict[str, Any] = {
@@ -75,11 +84,7 @@ def main(arguments: argparse.Namespace) -> None:
                 "base": asdict(before),
                 "fine_tuned": asdict(score_planner(planner, held_out, config.sampling)),
             },
-            "pairs": {
-                "training": len(training),
-                "held_out": len(held_out),
-                "quarantined": sum(len(checked.quarantined) for checked in tables.values()),
-            },
+            "pairs": counts,
         }
         save_goal_planner(planner, out)
         write_png(out / "guidance.png", grid)
@@ -90,13 +95,39 @@ def main(arguments: argparse.Namespace) -> None:
     shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _interleaved(folders: Mapping[str, Path], tables: Mapping[str, CheckedTable]) -> list[Pair]:
-    """The held-out pairs of all settings in turn, as many of each as the setting with the fewest has."""
-    of_each = {setting: pairs_of(checked.table, "val") for setting, checked in tables.items()}
-    for setting, pairs in of_each.items():
-        if not pairs:
-            raise ContractError(f"{folders[setting]} has no pair of the split val; synthesise more scenes.")
-    return [pair for of_all in zip(*of_each.values(), strict=False) for pair in of_all]
+def _surveyed(folders: Mapping[str, Path]) -> tuple[dict[str, int], dict[str, pa.Table]]:
+    """Numbers of pairs, and the held-out rows of each setting; the pictures of all others are left on disk.
+
+    Of the held-out pairs, as many of each setting count as the setting with the fewest has.
+    """
+    training = quarantined = 0
+    held_out = {}
+    for setting, folder in folders.items():
+        parts = []
+        for part in stream_table(folder, CONTRACT, _ROWS):
+            split = part.table["split"]
+            training += pc.sum(pc.equal(split, "train")).as_py() or 0
+            quarantined += len(part.quarantined)
+            parts.append(part.table.filter(pc.equal(split, "val")))
+        held_out[setting] = pa.concat_tables(parts, promote_options="permissive")
+        if not held_out[setting].num_rows:
+            raise ContractError(f"{folder} has no pair of the split val; synthesise more scenes.")
+    of_each = min(table.num_rows for table in held_out.values())
+    return {"training": training, "held_out": of_each * len(folders), "quarantined": quarantined}, held_out
+
+
+def _training_parts(folders: Mapping[str, Path]) -> Iterator[Callable[[], list[Pair]]]:
+    """The training pairs of all settings, part by part; their pictures are decoded when a part is called."""
+    for folder in folders.values():
+        for part in stream_table(folder, CONTRACT, _ROWS):
+            yield partial(pairs_of, part.table, "train")
+
+
+def _interleaved(folders: Mapping[str, Path], tables: Mapping[str, pa.Table], number: int) -> list[Pair]:
+    """The first held-out pairs of all settings in turn, as many of each as the setting with the fewest has."""
+    of_each = min(math.ceil(number / len(folders)), *(table.num_rows for table in tables.values()))
+    pairs = [pairs_of(table.slice(0, of_each), "val") for table in tables.values()]
+    return [pair for of_all in zip(*pairs, strict=True) for pair in of_all][:number]
 
 
 def _with_decoder(

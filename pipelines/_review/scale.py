@@ -313,5 +313,5 @@ class Plan:
         return self.rates.bytes / self.rates.pairs * self.pairs() * self.factors.picture_pixels
 
     def memory_bytes(self) -> float:
-        """Return the bytes of the pairs' pictures, which finetune_goal_planner holds in memory: three a pixel."""
+        """Return the bytes of the pairs' pictures, decoded: three a pixel. Fine-tuning holds a part at a time."""
         return 2 * 3 * self.sizes.picture_pixels * self.pairs()

@@ -137,9 +137,9 @@ def _space(plan: Plan) -> Table:
         [
             ("pairs on disk", gigabytes(plan.kept_bytes()), f"{plan.pairs():,.0f} pairs at the measured bytes"),
             (
-                "their pictures in memory",
+                "their pictures, decoded",
                 gigabytes(plan.memory_bytes()),
-                f"two of {plan.sizes.picture_pixels} pixels a pair: finetune_goal_planner holds them all",
+                f"two of {plan.sizes.picture_pixels} pixels a pair, of which fine-tuning holds a few hundred at a time",
             ),
         ],
         ("DVC's cache holds the pairs again where its file system cannot share blocks, and a remote once more.",),

@@ -65,7 +65,7 @@ def graphs() -> Graphs:
 def styles() -> Graphs:
     """A bundle of style graphs alone, for pictures of 32 x 32 px."""
     facts, exported = style_graphs("style", (32, 32), 1e-4)
-    entries = {n: GraphEntry(n, g.inputs, g.outputs, g.parity, 1e-4, ()) for n, g in exported.items()}
+    entries = {n: GraphEntry(n, None, g.inputs, g.outputs, g.parity, 1e-4, ()) for n, g in exported.items()}
     contents = {name: graph.content for name, graph in exported.items()}
     manifest = replace(open_bundle(small_bundle()[0]).manifest, graphs=entries, styles={"style": facts})
     return Graphs(Bundle(small_bundle()[0], "", manifest, {}, contents, None, {}, {}))

@@ -1,5 +1,7 @@
 """The header reader agrees with the onnx package, and refuses everything else with a message."""
 
+from collections.abc import Callable
+
 import numpy as np
 import onnx
 import pytest
@@ -7,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
-from pentimento.bundle.onnx_header import read_header
+from pentimento.bundle.onnx_header import External, read_header
 from pentimento.contracts.errors import ContractError
 from tests.bundle.tiny_bundle import graph
 
@@ -21,7 +23,7 @@ def test_header_of_a_written_model(opset: int, ir_version: int, shape: list[int]
     assert (header.opsets, header.ir_version) == ({"": opset}, ir_version)
     assert (header.inputs, header.outputs) == ({"x": ("n", 2)}, {"y": ("n", 2)})
     assert header.largest_tensor_bytes == max(array.nbytes, 8)
-    assert not header.external_data
+    assert not header.external
 
 
 def test_header_reads_nested_graphs_and_tensors() -> None:
@@ -36,15 +38,56 @@ def test_header_reads_nested_graphs_and_tensors() -> None:
     assert list(header.outputs) == ["y"]  # outputs of the inner graph are not outputs of the model
 
 
-def test_header_detects_external_data_by_either_field() -> None:
-    for mark in ("location", "data_location"):
+def _outside(tensor: TensorProto, **place: object) -> None:
+    """Say that a tensor lies in another file."""
+    tensor.ClearField("raw_data")
+    tensor.data_location = TensorProto.EXTERNAL
+    for key, value in place.items():
+        tensor.external_data.add(key=key, value=str(value))
+
+
+def test_header_says_where_tensors_in_other_files_lie() -> None:
+    model = graph()
+    _outside(model.graph.initializer[0], location="a.weights", offset=64, length=8)
+    assert read_header(model.SerializeToString()).external == [External("a.weights", 64, 8)]
+
+
+@pytest.mark.parametrize(
+    ("place", "sentence"),
+    [
+        ({}, "needs location, offset and length"),
+        ({"location": "a", "offset": 0}, "needs location, offset and length"),
+        ({"location": "a", "offset": 0, "length": 8, "checksum": "0"}, "needs location, offset and length"),
+        ({"location": "a", "offset": -8, "length": 8}, "needs location, offset and length"),
+        ({"location": "a", "offset": "0x0", "length": 8}, "needs location, offset and length"),
+        ({"location": "a", "offset": 0, "length": 9}, "needs 8 bytes, and 9 are named"),
+    ],
+)
+def test_header_rejects_tensors_whose_place_is_not_said_in_full(place: dict[str, object], sentence: str) -> None:
+    model = graph()
+    _outside(model.graph.initializer[0], **place)
+    with pytest.raises(ContractError, match=sentence):
+        read_header(model.SerializeToString())
+
+
+def test_header_rejects_tensors_in_two_places_and_in_operators() -> None:
+    whole = {"location": "a", "offset": 0, "length": 8}
+    marks: tuple[Callable[[TensorProto], object], ...] = (
+        lambda tensor: tensor.external_data.add(key="location", value="a"),  # the graph holds it, too
+        lambda tensor: setattr(tensor, "data_location", TensorProto.EXTERNAL),
+        lambda tensor: (_outside(tensor, **whole), setattr(tensor, "data_location", TensorProto.DEFAULT)),
+        lambda tensor: (_outside(tensor, **whole), tensor.external_data.add(key="location", value="b")),
+    )
+    for mark in marks:
         model = graph()
-        tensor = model.graph.initializer[0]
-        if mark == "location":
-            tensor.external_data.add(key="location", value="weights.bin")
-        else:
-            tensor.data_location = TensorProto.EXTERNAL
-        assert read_header(model.SerializeToString()).external_data
+        mark(model.graph.initializer[0])
+        with pytest.raises(ContractError, match="in another file"):
+            read_header(model.SerializeToString())
+    model, constant = graph(), numpy_helper.from_array(np.zeros(2, np.float32))
+    _outside(constant, **whole)
+    model.graph.node.append(helper.make_node("Constant", [], ["c"], value=constant))
+    with pytest.raises(ContractError, match="in another file and in the graph"):
+        read_header(model.SerializeToString())
 
 
 def test_header_rejects_foreign_operators_functions_and_sparse_tensors() -> None:

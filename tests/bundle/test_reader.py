@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 import onnx
+import onnxruntime
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import numpy_helper
 
+from pentimento.bundle.graphs import Graphs
 from pentimento.bundle.manifest import Manifest
 from pentimento.bundle.reader import MANIFEST, MAX_FILE_BYTES, BundleError, open_bundle
 from pentimento.contracts.codec import from_plain, to_plain
+from pentimento.contracts.errors import ConfigError
 from pentimento.control.safety import envelope_for
 from pentimento.planning.strokes.latent import decoder_bytes
 from pentimento.robots.tools import load_tool
@@ -188,16 +191,85 @@ def test_open_bundle_rejects_paths_outside_the_bundle(bundle: Path, name: str) -
         open_bundle(bundle)
 
 
-def test_open_bundle_rejects_external_tensors(bundle: Path) -> None:
+def put_outside(
+    bundle: Path,
+    *,
+    location: str = "semantic.weights",
+    weights: str | None = "graphs/semantic.weights",
+    offset: int = 0,
+    more: bytes = b"",
+) -> None:
+    """Give the graph `semantic` its tensor in another file, and say so in the manifest."""
     model = graph()
     tensor = model.graph.initializer[0]
-    (bundle / "graphs" / "weights.bin").write_bytes(tensor.raw_data)
+    (bundle / "graphs" / "semantic.weights").write_bytes(tensor.raw_data + more)
     tensor.ClearField("raw_data")
     tensor.data_location = onnx.TensorProto.EXTERNAL
-    tensor.external_data.add(key="location", value="weights.bin")
+    for key, value in (("location", location), ("offset", offset), ("length", 8)):
+        tensor.external_data.add(key=key, value=str(value))
     put(bundle, model)
-    with pytest.raises(BundleError, match="keeps tensors in other files"):
+    graphs = json.loads((bundle / MANIFEST).read_text())["graphs"]
+    change(bundle, graphs=graphs | {"semantic": graphs["semantic"] | {"weights": weights}})
+
+
+def test_a_graph_with_its_tensors_in_a_listed_file_runs_from_the_checked_bytes(bundle: Path) -> None:
+    put_outside(bundle)
+    opened = open_bundle(bundle)
+    (bundle / "graphs" / "semantic.weights").unlink()  # after the check, no file is opened
+    (found,) = Graphs(opened)("semantic", np.array([[1, 2]], np.float32))
+    np.testing.assert_array_equal(found, [[2, 3]])
+
+
+@pytest.mark.parametrize("change_it", [lambda data: data[:-1], lambda data: data[:-1] + bytes([data[-1] ^ 1])])
+def test_open_bundle_rejects_tampered_external_tensors(bundle: Path, change_it: Callable[[bytes], bytes]) -> None:
+    put_outside(bundle)
+    file = bundle / "graphs" / "semantic.weights"
+    file.write_bytes(change_it(file.read_bytes()))
+    with pytest.raises(BundleError, match=r"semantic\.weights' is not the file that its manifest lists"):
         open_bundle(bundle)
+
+
+@pytest.mark.parametrize(
+    ("outside", "sentence"),
+    [
+        ({"weights": None}, "keeps tensors in 'semantic.weights', and its manifest says that it keeps none"),
+        ({"location": "../tools/marker.toml"}, "keeps tensors in '../tools/marker.toml'"),
+        ({"location": "/etc/hostname"}, "keeps tensors in '/etc/hostname'"),
+        ({"location": "marker.toml", "weights": "tools/marker.toml"}, "keeps tensors in 'marker.toml'"),
+        ({"location": "text.onnx", "weights": "graphs/text.onnx"}, "does not list as a file of tensors"),
+        ({"location": "no.weights", "weights": "graphs/no.weights"}, "does not list as a file of tensors"),
+        ({"offset": 8}, "up to byte 16 of 'graphs/semantic.weights', which has 8"),
+        ({"more": b"more"}, "up to byte 8 of 'graphs/semantic.weights', which has 12"),
+    ],
+)
+def test_open_bundle_rejects_external_tensors_in_any_other_place(
+    bundle: Path, outside: dict[str, Any], sentence: str
+) -> None:
+    put_outside(bundle, **outside)
+    with pytest.raises(BundleError, match=sentence):
+        open_bundle(bundle)
+
+
+def test_open_bundle_rejects_a_file_of_tensors_that_no_tensor_lies_in(bundle: Path) -> None:
+    put_outside(bundle)
+    put(bundle, graph())
+    with pytest.raises(BundleError, match=r"up to byte 0 of 'graphs/semantic\.weights', which has 8"):
+        open_bundle(bundle)
+
+
+def test_graphs_are_computed_by_the_chosen_provider(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PENTIMENTO_PROVIDER", "cpu")
+    assert Graphs(open_bundle(bundle))("semantic", np.zeros((1, 2), np.float32))[0].tolist() == [[1, 1]]
+    monkeypatch.setenv("PENTIMENTO_PROVIDER", "npu")
+    with pytest.raises(ConfigError, match="must be one of cpu, cuda, tensorrt, coreml"):
+        Graphs(open_bundle(bundle))
+    missing = next(
+        name for name, provider in (("cuda", "CUDA"), ("coreml", "CoreML"))
+        if f"{provider}ExecutionProvider" not in onnxruntime.get_available_providers()
+    )  # fmt: skip
+    monkeypatch.setenv("PENTIMENTO_PROVIDER", missing)
+    with pytest.raises(ConfigError, match=f"is '{missing}', but onnxruntime has .*CPUExecutionProvider here"):
+        Graphs(open_bundle(bundle))
 
 
 def _too_large(model: onnx.ModelProto) -> None:
@@ -369,7 +441,7 @@ def test_open_bundle_rejects_a_damaged_vocabulary(tmp_path: Path, text: str) -> 
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"schema": 7, "schema": 7}', '{"schema": NaN}', "[" * 100_000, "\xff"]
+    "text", ["", "[]", "{", '{"schema": 8, "schema": 8}', '{"schema": NaN}', "[" * 100_000, "\xff"]
 )
 def test_open_bundle_rejects_malformed_json(bundle: Path, text: str) -> None:
     (bundle / MANIFEST).write_bytes(text.encode("latin-1"))

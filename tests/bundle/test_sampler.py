@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from diffusers import AutoencoderKL, DDIMScheduler
+from diffusers import AutoencoderKL, DDIMScheduler, DPMSolverMultistepScheduler, EulerDiscreteScheduler
 from transformers import CLIPConfig, CLIPModel
 
-from pentimento.bundle.sampler import Networks, NoiseSchedule, complete, normal, seed_for
+from pentimento.bundle.sampler import Networks, NoiseSchedule, Prediction, complete, normal, seed_for
 from pentimento.contracts.errors import ContractError
 from pentimento.copainting.goal.planner import (
     GoalPlanner,
     GoalPlannerShape,
-    Prediction,
     SeededSampling,
     build_goal_planner,
+    load_goal_planner,
+    save_goal_planner,
     text_encoder_of,
 )
 from pentimento.copainting.goal.planner import (
@@ -27,6 +30,7 @@ from pentimento.copainting.jobs import generator_for
 from pentimento.semantics.tokenizer import learn_tokenizer
 
 LENGTH, SIDE = 12, 32
+LATENT = SIDE // 2  # pixels
 CAPTIONS = ["a cat", "a tree beside a house"]
 
 
@@ -102,15 +106,18 @@ def test_complete_equals_the_diffusers_pipeline(prediction: Prediction, text_gui
     assert np.linalg.norm(difference) <= 1e-3 * np.linalg.norm(theirs)
 
 
-@pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
-def test_latents_equal_the_diffusers_pipeline(prediction: Prediction) -> None:
-    planner = _planner(prediction)
-    latent = SIDE // planner.vae_scale_factor
-    noise = normal((2, 4, latent, latent), 9)
-    theirs = planner(
-        prompt=CAPTIONS, image=torch.from_numpy(_canvases()).permute(0, 3, 1, 2).float() / 255, num_inference_steps=8,
-        guidance_scale=3.0, image_guidance_scale=1.5, latents=torch.from_numpy(noise), output_type="latent",
-    ).images.numpy()  # fmt: skip
+def _their_latents(planner: GoalPlanner, noise: np.ndarray, steps: int) -> np.ndarray:
+    """Of diffusers' pipeline, whatever its sampler."""
+    latents: torch.Tensor = planner(
+        prompt=CAPTIONS, image=torch.from_numpy(_canvases()).permute(0, 3, 1, 2).float() / 255,
+        num_inference_steps=steps, guidance_scale=3.0, image_guidance_scale=1.5, latents=torch.from_numpy(noise),
+        output_type="latent",
+    ).images  # fmt: skip
+    return latents.numpy()
+
+
+def _our_latents(planner: GoalPlanner, noise: np.ndarray, steps: int) -> np.ndarray:
+    """Of the lean sampler."""
     found: list[np.ndarray] = []
     networks = _networks(planner)
 
@@ -120,10 +127,78 @@ def test_latents_equal_the_diffusers_pipeline(prediction: Prediction) -> None:
 
     complete(
         Networks(networks.read, networks.encode, networks.predict, decode, networks.scaling), _schedule(planner),
-        _canvases(), tokens=_tokens(planner, CAPTIONS), no_words=_tokens(planner, [""]), noise=noise, steps=8,
+        _canvases(), tokens=_tokens(planner, CAPTIONS), no_words=_tokens(planner, [""]), noise=noise, steps=steps,
         image_guidance=1.5, text_guidance=3.0,
     )  # fmt: skip
-    assert np.linalg.norm(found[0] - theirs) <= 1e-4 * np.linalg.norm(theirs)
+    return found[0]
+
+
+def _difference(ours: np.ndarray, theirs: np.ndarray) -> float:
+    return float(np.linalg.norm(ours - theirs) / np.linalg.norm(theirs))
+
+
+@pytest.mark.parametrize("prediction", ["epsilon", "v_prediction", "sample"])
+def test_latents_equal_the_diffusers_pipeline(prediction: Prediction) -> None:
+    planner = _planner(prediction)
+    noise = normal((2, 4, LATENT, LATENT), 9)
+    assert _difference(_our_latents(planner, noise, 8), _their_latents(planner, noise, 8)) <= 1e-5
+
+
+PUBLISHED = {  # what Stable Diffusion 1.5 and Instruct-Pix2Pix say, without `clip_sample`
+    "beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear", "num_train_timesteps": 1000,
+    "steps_offset": 1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sampler", "spacing", "ends_at_one"),
+    [
+        ({"_class_name": "DDIMScheduler", "set_alpha_to_one": False}, "leading", False),
+        ({"_class_name": "DDPMScheduler", "timestep_spacing": "trailing"}, "trailing", True),
+        ({"_class_name": "PNDMScheduler", "skip_prk_steps": True}, "leading", False),
+        ({"_class_name": "EulerDiscreteScheduler"}, "leading", True),
+        ({"_class_name": "EulerAncestralDiscreteScheduler"}, "leading", True),
+        ({"_class_name": "DPMSolverMultistepScheduler", "timestep_spacing": "trailing"}, "trailing", True),
+        ({"_class_name": "DDIMScheduler", "rescale_betas_zero_snr": True, "prediction_type": "v_prediction"},
+         "trailing", True),
+    ],
+)  # fmt: skip
+def test_latents_equal_diffusers_ddim_for_the_schedule_of_each_published_sampler(
+    tmp_path: Path, sampler: dict[str, Any], spacing: str, ends_at_one: bool
+) -> None:
+    """The folder names a sampler; the reference is diffusers' pipeline with DDIM of these betas, set up by hand."""
+    prediction = sampler.get("prediction_type", "epsilon")
+    save_goal_planner(_planner(prediction), tmp_path)
+    (tmp_path / "scheduler/scheduler_config.json").write_text(json.dumps(PUBLISHED | sampler))
+    planner = load_goal_planner(tmp_path)
+    noise = 3 * normal((2, 4, LATENT, LATENT), 9)  # far outside of -1 to 1: clipping would show
+    ours, loaded = _our_latents(planner, noise, 10), _their_latents(planner, noise, 10)
+    planner.scheduler = DDIMScheduler(
+        beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear", clip_sample=False, steps_offset=1,
+        prediction_type=prediction, timestep_spacing=spacing, set_alpha_to_one=ends_at_one,
+        rescale_betas_zero_snr=sampler.get("rescale_betas_zero_snr", False),
+    )  # fmt: skip
+    theirs = _their_latents(planner, noise, 10)
+    assert np.abs(theirs).max() > 1
+    assert _difference(ours, theirs) <= 1e-5 and _difference(loaded, theirs) <= 1e-5
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of numpy, in Euler's sampler
+def test_latents_equal_those_of_other_samplers_of_first_order(tmp_path: Path) -> None:
+    """Without noise of their own, Euler's sampler and DPM-Solver++ of first order are DDIM in other coordinates."""
+    save_goal_planner(_planner("epsilon"), tmp_path)
+    noise = normal((2, 4, LATENT, LATENT), 9)
+    betas = {key: value for key, value in PUBLISHED.items() if key != "num_train_timesteps"}
+    samplers = (
+        EulerDiscreteScheduler(**betas, timestep_spacing="leading"),
+        DPMSolverMultistepScheduler(**betas, timestep_spacing="trailing", solver_order=1),
+    )
+    for sampler in samplers:
+        sampler.save_pretrained(tmp_path / "scheduler")
+        planner = load_goal_planner(tmp_path)
+        ours = _our_latents(planner, noise, 10)
+        planner.scheduler = sampler
+        assert _difference(ours, _their_latents(planner, noise, 10)) <= 1e-5
 
 
 @pytest.mark.parametrize("steps", [1, 3, 7, 20, 50])

@@ -86,7 +86,7 @@ def write_tiny_bundle(folder: Path) -> Path:
         ir_version=IR_VERSION,
         files={},
         graphs={
-            name: GraphEntry(f"graphs/{name}.onnx", (x,), (y,), {"y": 1e-7}, 1e-4, ("stroke_marker",))
+            name: GraphEntry(f"graphs/{name}.onnx", None, (x,), (y,), {"y": 1e-7}, 1e-4, ("stroke_marker",))
             for name in GRAPHS
         },
         models={"stroke_marker": "1"},
@@ -117,7 +117,7 @@ def add_graphs(folder: Path, texts: Mapping[str, str], made_of: str) -> None:
         (folder / "graphs" / f"{name}.onnx").write_bytes(model.SerializeToString())
         inputs, outputs = (_ports(values) for values in (model.graph.input, model.graph.output))
         parity = {port.name: 0.0 for port in outputs}
-        graphs[name] = to_plain(GraphEntry(f"graphs/{name}.onnx", inputs, outputs, parity, 1e-4, (made_of,)))
+        graphs[name] = to_plain(GraphEntry(f"graphs/{name}.onnx", None, inputs, outputs, parity, 1e-4, (made_of,)))
     change(folder, graphs=graphs)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.contracts import copaintings, demonstrations, pushes, scenes, strokes, tables
 from pentimento.contracts.errors import ContractError
-from pentimento.contracts.tables import is_index, read_table, write_shards, write_table
+from pentimento.contracts.tables import is_index, read_table, stream_table, write_shards, write_table
 
 CONTRACT = strokes.CONTRACT
 
@@ -55,6 +55,20 @@ def test_large_tables_are_split_and_read_in_order(tmp_path: Path, monkeypatch: p
     write_shards(tmp_path, table, scenes.CONTRACT)
     assert len(list(tmp_path.glob("part-*.parquet"))) in (4, 5)
     assert read_table(tmp_path, scenes.CONTRACT).table.equals(table)
+
+
+@pytest.mark.parametrize("rows", [1, 3, 7, 100])
+def test_a_streamed_table_is_the_one_that_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
+    table = scenes.example_table(20)
+    monkeypatch.setattr(tables, "SHARD_BYTES", table.nbytes // 4)
+    write_shards(tmp_path, table, scenes.CONTRACT)
+    parts = [part.table for part in stream_table(tmp_path, scenes.CONTRACT, rows)]
+    assert pa.concat_tables(parts).equals(table) and max(part.num_rows for part in parts) <= rows
+
+
+def test_an_empty_table_is_streamed_as_one_part(tmp_path: Path) -> None:
+    write_shards(tmp_path, scenes.example_table(1).slice(0, 0), scenes.CONTRACT)
+    assert [part.table.num_rows for part in stream_table(tmp_path, scenes.CONTRACT, 9)] == [0]
 
 
 def test_covariates_are_kept(tmp_path: Path) -> None:
@@ -154,6 +168,19 @@ def test_up_to_one_percent_or_one_row_is_quarantined(tmp_path: Path, rows: int, 
 def test_more_bad_rows_than_the_limit_raise_with_counts(tmp_path: Path, rows: int, bad: int) -> None:
     with pytest.raises(ContractError, match=f"{bad} of {rows} rows .*: {bad} x points is empty"):
         read_table(stored(tmp_path, with_bad_rows(rows, bad)), demonstrations.CONTRACT)
+
+
+@pytest.mark.parametrize(("rows", "bad"), [(50, 1), (300, 3)])
+def test_a_streamed_table_quarantines_the_rows_that_a_read_one_does(tmp_path: Path, rows: int, bad: int) -> None:
+    path = stored(tmp_path, with_bad_rows(rows, bad))
+    parts = [*stream_table(path, demonstrations.CONTRACT, 7)]
+    assert (
+        tuple(each for part in parts for each in part.quarantined)
+        == read_table(path, demonstrations.CONTRACT).quarantined
+    )
+    path = stored(tmp_path, with_bad_rows(rows, bad + 2))
+    with pytest.raises(ContractError, match=f"{bad + 2} of {rows} rows"):
+        [*stream_table(path, demonstrations.CONTRACT, 7)]
 
 
 def test_a_writer_bears_no_bad_row_and_leaves_the_old_table(tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ from tests.dynamics.strokes.test_correction import some_correction
 
 CONFIG = DeployConfig(
     tolerance=1e-4,
+    half_tolerance=None,
     views=1,
     sampling=GoalSampling(2, 1.0, 5.0),
     vocabulary="named",

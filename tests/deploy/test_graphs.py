@@ -72,7 +72,7 @@ def test_rejects_graph_that_differs_from_its_function() -> None:
     assert compared("tanh", model, other, examples=[[rows(2)]], units=UNITS, tolerance=1e-2, models=()).parity[
         "slope"
     ] == pytest.approx(1e-3, rel=0.01)
-    assert session(model.SerializeToString()).get_inputs()[0].shape == [2, 3]
+    assert session(model.SerializeToString(), {}).get_inputs()[0].shape == [2, 3]
 
 
 def test_comparison_skips_examples_at_kinks_only() -> None:

@@ -44,7 +44,7 @@ def exported(clay: TorchClay) -> tuple[ClayFacts, dict[str, Graph]]:
 @pytest.fixture(scope="module")
 def by_graphs(exported: tuple[ClayFacts, dict[str, Graph]]) -> GraphClay:
     facts, graphs = exported
-    opened = {name: session(graph.content) for name, graph in graphs.items()}
+    opened = {name: session(graph.content, {}) for name, graph in graphs.items()}
 
     def ask(name: str, *arguments: Any) -> list[Any]:
         given = {port.name: array for port, array in zip(graphs[name].inputs, arguments, strict=True)}

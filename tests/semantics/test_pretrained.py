@@ -42,7 +42,7 @@ def cut(file: Path) -> None:
         (lambda f: [file.unlink() for file in f.glob("[tvm]*") if file.suffix != ".safetensors"], "tokenizer is miss"),
         (
             lambda f: torch.save({}, f / "pytorch_model.bin") or (f / "model.safetensors").unlink(),
-            "no file named model",
+            "its weights are pickled",
         ),
         (lambda f: [file.unlink() for file in f.glob("*.json")], "is no folder of a CLIP model"),
     ],

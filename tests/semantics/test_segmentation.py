@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from pentimento.contracts.errors import ConfigError
+from pentimento.semantics import segmentation
 from pentimento.semantics.segmentation import SegmentationConfig, segment
 
 CLASSICAL = SegmentationConfig("classical", None, 60.0, 0.03, 4)
@@ -29,7 +30,7 @@ def test_flat_picture_has_no_segment() -> None:
     assert (segment(np.full((32, 32, 3), 90, np.uint8), CLASSICAL) == 0).all()
 
 
-def test_segments_by_sam_from_a_local_folder(tmp_path: Path) -> None:
+def test_segments_by_sam_from_a_local_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from transformers import SamConfig, SamMaskDecoderConfig, SamModel, SamPromptEncoderConfig, SamVisionConfig
 
     torch.manual_seed(0)
@@ -47,6 +48,10 @@ def test_segments_by_sam_from_a_local_folder(tmp_path: Path) -> None:
     assert regions.shape == (64, 64) and regions.dtype == np.uint8
     again = segment(two_squares(), SegmentationConfig("sam", str(tmp_path), 60.0, 0.0, 3))
     np.testing.assert_array_equal(regions, again)
+    # Points in several calls give the same regions.
+    monkeypatch.setattr(segmentation, "_POINTS", 2)
+    by_two = segment(two_squares(), SegmentationConfig("sam", str(tmp_path), 60.0, 0.0, 3))
+    np.testing.assert_array_equal(regions, by_two)
 
 
 def test_rejects_folder_without_sam(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Stroke, push, objective and goal models of a bundle, as graphs in onnxruntime and without PyTorch.
 
-Every graph runs on the CPU. Its results are deterministic for a given number of threads.
+Graphs run on the CPU unless the environment variable ``PENTIMENTO_PROVIDER`` says otherwise. On the CPU, results are
+deterministic for a given number of threads.
 """
 
 from __future__ import annotations
@@ -35,6 +36,13 @@ Array = NDArray[np.float32]
 Ask = Callable[..., list[NDArray[Any]]]
 """A graph's outputs by its name and inputs, as ``Graphs`` gives them."""
 
+PROVIDER: Final = "PENTIMENTO_PROVIDER"
+_PROVIDERS: Final = {
+    "cpu": "CPUExecutionProvider",
+    "cuda": "CUDAExecutionProvider",
+    "tensorrt": "TensorrtExecutionProvider",
+    "coreml": "CoreMLExecutionProvider",
+}
 _ERRORS_ONLY: Final = 3  # of onnxruntime's log
 
 onnxruntime.disable_telemetry_events()
@@ -44,9 +52,13 @@ class Graphs:
     """A bundle's graphs; each is opened at its first use."""
 
     def __init__(self, bundle: Bundle, threads: int = 1) -> None:
-        """Each graph uses this number of ``threads``."""
+        """Each graph uses this number of ``threads`` and the provider that ``PENTIMENTO_PROVIDER`` names.
+
+        Raises:
+            ConfigError: onnxruntime has no such provider here.
+        """
         self.bundle = bundle
-        self._threads = threads
+        self._threads, self._provider = threads, chosen_provider()
         self._opened: dict[str, Any] = {}
 
     def __call__(self, name: str, *arguments: NDArray[Any]) -> list[NDArray[Any]]:
@@ -56,7 +68,9 @@ class Graphs:
             BundleError: the bundle has no such graph.
         """
         if name not in self._opened:
-            self._opened[name] = _session(self.bundle.graph(name), self._threads)
+            self._opened[name] = _session(
+                self.bundle.graph(name), self.bundle.weights(name), self._threads, self._provider
+            )
         inputs = self.bundle.manifest.graphs[name].inputs
         given = {
             port.name: np.ascontiguousarray(argument, dtype=port.type)
@@ -66,13 +80,43 @@ class Graphs:
         return outputs
 
 
-def _session(content: bytes, threads: int) -> Any:
+def chosen_provider() -> str:
+    """The part of onnxruntime that computes graphs: `PENTIMENTO_PROVIDER`, one of cpu, cuda, tensorrt and coreml.
+
+    Raises:
+        ConfigError: another name, or one that this installation of onnxruntime lacks.
+    """
+    name = os.environ.get(PROVIDER) or "cpu"
+    if name not in _PROVIDERS:
+        raise ConfigError(f"{PROVIDER} is {name!r}; it must be one of {', '.join(_PROVIDERS)}.")
+    there = onnxruntime.get_available_providers()
+    if _PROVIDERS[name] not in there:
+        raise ConfigError(
+            f"{PROVIDER} is {name!r}, but onnxruntime has {', '.join(there)} here; install its build for that device, "
+            "or leave the variable out."
+        )
+    return _PROVIDERS[name]
+
+
+def _session(content: bytes, weights: Mapping[str, bytes], threads: int, provider: str) -> Any:
+    """A graph from its bytes and those of its tensors in other files; no file is opened.
+
+    Raises:
+        ConfigError: the provider does not start.
+    """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.use_deterministic_compute = True
     options.log_severity_level = _ERRORS_ONLY
-    return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    if weights:
+        options.add_external_initializers_from_files_in_memory(
+            [*weights], [*weights.values()], [len(data) for data in weights.values()]
+        )
+    session = onnxruntime.InferenceSession(content, options, providers=[provider])
+    if session.get_providers()[0] != provider:  # onnxruntime goes on without one that does not start
+        raise ConfigError(f"{provider} of onnxruntime does not start here; leave {PROVIDER} out, or mend its driver.")
+    return session
 
 
 class _GraphModel:

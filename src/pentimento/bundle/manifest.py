@@ -39,6 +39,8 @@ class GraphEntry:
     """A graph of the bundle, and how closely it agrees with the model that it was exported from."""
 
     file: str
+    weights: str | None
+    """Name of the file beside it that holds its large tensors, for a graph that one file cannot hold."""
     inputs: tuple[Port, ...]
     """In order."""
     outputs: tuple[Port, ...]

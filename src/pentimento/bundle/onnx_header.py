@@ -7,6 +7,7 @@ any field that is not known here is refused. The field numbers are those of onnx
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import prod
@@ -19,7 +20,19 @@ Field: TypeAlias = "tuple[int, int | memoryview]"
 _MAX_DEPTH: Final = 8  # of nested graphs, as of If and Loop
 _ITEM_BYTES: Final = {1: 4, 2: 1, 3: 1, 4: 2, 5: 2, 6: 4, 7: 8, 9: 1, 10: 2, 11: 8, 12: 4, 13: 8, 16: 2}
 """By data type: float, (u)int8/16/32/64, bool, half, double, bfloat16. Strings and complex numbers are refused."""
+_NUMBER: Final = re.compile(r"[0-9]{1,18}")
 _TYPED_DATA: Final = (4, 5, 7, 10, 11)  # numbers stored one by one instead of as raw bytes
+
+
+@dataclass(frozen=True)
+class External:
+    """Where a tensor lies that is stored beside the graph."""
+
+    location: str
+    """Name of the file, relative to the graph's."""
+    offset: int
+    length: int
+    """Bytes; as many as the tensor's shape and type need."""
 
 
 @dataclass
@@ -34,8 +47,8 @@ class Header:
     outputs: dict[str, tuple[int | str, ...]] = field(default_factory=dict)
     largest_tensor_bytes: int = 0
     """Size of the largest stored tensor."""
-    external_data: bool = False
-    """Whether a tensor is stored in another file."""
+    external: list[External] = field(default_factory=list)
+    """The tensors that are stored in other files."""
 
 
 def read_header(data: bytes) -> Header:
@@ -43,7 +56,8 @@ def read_header(data: bytes) -> Header:
 
     Raises:
         ContractError: the content is not an ONNX model, or has functions, operators of other domains, sparse tensors,
-            fields of a later version, or tensors whose size differs from their shape.
+            fields of a later version, or tensors whose size differs from their shape; or it says incompletely where a
+            tensor in another file lies.
     """
     header = Header()
     graphs = 0
@@ -111,7 +125,7 @@ def _read_attribute(attribute: memoryview, header: Header, depth: int) -> None:
     for number, value in _fields(attribute):
         match number:
             case 5 | 10:
-                _read_tensor(_message(value), header)
+                _read_tensor(_message(value), header, within=True)
             case 6 | 11:
                 _read_graph(_message(value), header, depth + 1)
             case 1 | 2 | 3 | 4 | 7 | 8 | 9 | 13 | 20:
@@ -120,9 +134,11 @@ def _read_attribute(attribute: memoryview, header: Header, depth: int) -> None:
                 _unknown("an attribute", number)
 
 
-def _read_tensor(tensor: memoryview, header: Header) -> None:
+def _read_tensor(tensor: memoryview, header: Header, *, within: bool = False) -> None:
+    """Check a tensor; one `within` an operator cannot lie in another file."""
     dims: list[int] = []
-    kind, raw, typed = 0, None, False
+    kind, raw, typed, external = 0, None, False, False
+    place: dict[str, str] = {}
     for number, value in _fields(tensor):
         match number:
             case 1:
@@ -132,9 +148,12 @@ def _read_tensor(tensor: memoryview, header: Header) -> None:
             case 9:
                 raw = _message(value)
             case 13:
-                header.external_data = True
+                key, told = _read_entry(_message(value))
+                if key in place:
+                    raise ContractError(f"A tensor in another file has two entries {key!r}.")
+                place[key] = told
             case 14:
-                header.external_data |= _whole(value) != 0
+                external = _whole(value) != 0
             case 8 | 12 | 16:
                 pass
             case _ if number in _TYPED_DATA:
@@ -145,10 +164,37 @@ def _read_tensor(tensor: memoryview, header: Header) -> None:
         raise ContractError(f"A tensor has the data type {kind} and the shape {dims}, which are not supported.")
     size = prod(dims) * _ITEM_BYTES[kind]
     header.largest_tensor_bytes = max(header.largest_tensor_bytes, size)
-    if not header.external_data and not typed and (0 if raw is None else len(raw)) != size:
+    if external or place:
+        if within or typed or raw is not None or not external:
+            raise ContractError("A tensor is said to be in another file and in the graph; export the graph again.")
+        header.external.append(_external(place, size))
+    elif not typed and (0 if raw is None else len(raw)) != size:
         raise ContractError(
             f"A tensor of the shape {dims} needs {size} bytes and has {0 if raw is None else len(raw)}."
         )
+
+
+def _read_entry(entry: memoryview) -> tuple[str, str]:
+    key, told = "", ""
+    for number, value in _fields(entry):
+        if number == 1:
+            key = _text(value)
+        elif number == 2:
+            told = _text(value)
+        else:
+            _unknown("an entry of a tensor in another file", number)
+    return key, told
+
+
+def _external(place: dict[str, str], size: int) -> External:
+    """Where a tensor of this number of bytes lies."""
+    numbers = [place.get(key, "") for key in ("offset", "length")]
+    if place.keys() != {"location", "offset", "length"} or not all(_NUMBER.fullmatch(text) for text in numbers):
+        raise ContractError(f"A tensor in another file has the entries {place}; it needs location, offset and length.")
+    offset, length = map(int, numbers)
+    if length != size:
+        raise ContractError(f"A tensor in another file needs {size} bytes, and {length} are named.")
+    return External(place["location"], offset, length)
 
 
 def _read_value(value_info: memoryview) -> tuple[str, tuple[int | str, ...]]:

@@ -14,7 +14,7 @@ import re
 import stat
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final, NoReturn
 
 from pentimento.bundle.manifest import FileEntry, GraphEntry, Manifest, Setting
@@ -34,6 +34,8 @@ OPSETS: Final = (18, 20)
 IR_VERSIONS: Final = (8, 10)
 MAX_FILE_BYTES: Final = 2**31 - 1
 """Maximum size of a protocol buffer."""
+MAX_WEIGHTS_BYTES: Final = 2**34
+"""Maximum size of a file of a graph's tensors, which is no protocol buffer."""
 MAX_TENSOR_BYTES: Final = 2**29
 MAX_MANIFEST_BYTES: Final = 2**22
 
@@ -73,6 +75,11 @@ class Bundle:
         if name not in self.manifest.graphs:
             raise BundleError(f"The bundle has no graph {name!r}; it has {', '.join(sorted(self.manifest.graphs))}.")
         return self.contents[self.manifest.graphs[name].file]
+
+    def weights(self, name: str) -> Mapping[str, bytes]:
+        """The checked bytes of a graph's tensors in other files, by the name that the graph calls the file."""
+        file = self.manifest.graphs[name].weights
+        return {} if file is None else {PurePosixPath(file).name: self.contents[file]}
 
     def setting(self, name: str) -> Setting:
         """A setting.
@@ -119,7 +126,11 @@ def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, Saf
         _refuse(folder, f"its manifest has the SHA-256 {found}, not {digest}: it is another bundle")
     manifest = _manifest(folder, text)
     _check_listing(folder, manifest)
-    contents = {name: _checked_file(folder, name, entry) for name, entry in sorted(manifest.files.items())}
+    weights = {graph.weights for graph in manifest.graphs.values()}
+    contents = {
+        name: _checked_file(folder, name, entry, MAX_WEIGHTS_BYTES if name in weights else MAX_FILE_BYTES)
+        for name, entry in sorted(manifest.files.items())
+    }
     for name, graph in sorted(manifest.graphs.items()):
         _check_graph(folder, name, graph, manifest, contents)
     tools = {name: _checked_tool(folder, name, setting, manifest) for name, setting in manifest.settings.items()}
@@ -178,9 +189,9 @@ def _entries(folder: Path, inside: str) -> Iterator[str]:
                 _refuse(folder, f"{name!r} is neither a file nor a folder")
 
 
-def _checked_file(folder: Path, name: str, entry: FileEntry) -> bytes:
-    if not 0 <= entry.bytes <= MAX_FILE_BYTES:
-        _refuse(folder, f"{name!r} is listed with {entry.bytes} bytes; {MAX_FILE_BYTES} are the maximum")
+def _checked_file(folder: Path, name: str, entry: FileEntry, limit: int) -> bytes:
+    if not 0 <= entry.bytes <= limit:
+        _refuse(folder, f"{name!r} is listed with {entry.bytes} bytes; {limit} are the maximum")
     data = _read(folder, name, entry.bytes)
     if len(data) != entry.bytes or hashlib.sha256(data).hexdigest() != entry.sha256:
         _refuse(folder, f"{name!r} is not the file that its manifest lists: its SHA-256 or size is another")
@@ -211,7 +222,7 @@ def _check_graph(folder: Path, name: str, graph: GraphEntry, manifest: Manifest,
         header = read_header(contents[graph.file])
     except ContractError as error:
         raise BundleError(f"The bundle {folder} is refused: the graph {name} in {graph.file!r}: {error}") from error
-    defect = _defect(header, graph, manifest)
+    defect = _external_defect(header, graph, manifest) or _defect(header, graph, manifest)
     if defect:
         _refuse(folder, f"the graph {name} {defect}")
 
@@ -219,8 +230,6 @@ def _check_graph(folder: Path, name: str, graph: GraphEntry, manifest: Manifest,
 def _defect(header: Header, graph: GraphEntry, manifest: Manifest) -> str | None:
     """How a graph differs from its manifest entry, or why it is not supported."""
     opset = header.opsets.get("", header.opsets.get("ai.onnx", 0))
-    if header.external_data:
-        return "keeps tensors in other files"
     if len(header.opsets) != 1 or opset != manifest.opset or not OPSETS[0] <= opset <= OPSETS[1]:
         return f"uses the operator sets {header.opsets}; the manifest names version {manifest.opset} of ONNX's own"
     if header.ir_version != manifest.ir_version or not IR_VERSIONS[0] <= header.ir_version <= IR_VERSIONS[1]:
@@ -235,6 +244,35 @@ def _defect(header: Header, graph: GraphEntry, manifest: Manifest) -> str | None
     if not compared or not all(0 <= error <= graph.tolerance for error in graph.parity.values()):
         return f"differs from its model by {graph.parity}; {graph.tolerance} is the tolerance"
     return None
+
+
+def _external_defect(header: Header, graph: GraphEntry, manifest: Manifest) -> str | None:
+    """Why tensors in other files do not lie in the listed one, which holds nothing else."""
+    if graph.weights is None:
+        if header.external:
+            return f"keeps tensors in {header.external[0].location!r}, and its manifest says that it keeps none"
+        return None
+    if graph.weights not in manifest.files or graph.weights in {each.file for each in manifest.graphs.values()}:
+        return f"has its tensors in {graph.weights!r}, which its manifest does not list as a file of tensors"
+    for tensor in header.external:
+        if tensor.location != _beside(graph):
+            return f"keeps tensors in {tensor.location!r}, and its manifest says in {graph.weights!r}"
+    at = 0
+    for tensor in sorted(header.external, key=lambda tensor: tensor.offset):
+        if tensor.offset < at:
+            return f"has tensors in {graph.weights!r} that overlap"
+        at = tensor.offset + tensor.length
+    size = manifest.files[graph.weights].bytes
+    if not header.external or at != size:
+        return f"has tensors up to byte {at} of {graph.weights!r}, which has {size}"
+    return None
+
+
+def _beside(graph: GraphEntry) -> str | None:
+    """What a graph calls its file of tensors; None where this lies in another folder."""
+    if graph.weights is None or PurePosixPath(graph.weights).parent != PurePosixPath(graph.file).parent:
+        return None
+    return PurePosixPath(graph.weights).name
 
 
 def _checked_tool(folder: Path, name: str, setting: Setting, manifest: Manifest) -> Tool:

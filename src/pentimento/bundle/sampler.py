@@ -50,13 +50,23 @@ class NoiseSchedule:
             )
 
     def timesteps(self, steps: int) -> NDArray[np.int64]:
-        """Timesteps [steps] from noise to picture."""
+        """Timesteps [steps] from noise to picture.
+
+        Raises:
+            ContractError: more steps than the schedule has.
+        """
         count = len(self.alphas_cumprod)
         if not 1 <= steps <= count:
             raise ContractError(f"{steps} sampling steps are requested; the network allows 1 to {count}.")
         if self.spacing == "trailing":
             return np.round(np.arange(count, 0, -count / steps)).astype(np.int64) - 1
-        return (np.arange(steps)[::-1] * (count // steps)).astype(np.int64) + self.offset
+        leading = (np.arange(steps)[::-1] * (count // steps)).astype(np.int64) + self.offset
+        if leading[0] >= count:
+            raise ContractError(
+                f"{steps} sampling steps are requested; with their offset of {self.offset} they would begin at "
+                f"{leading[0]}, beyond the last timestep, {count - 1}. Take fewer."
+            )
+        return leading
 
 
 @dataclass(frozen=True)

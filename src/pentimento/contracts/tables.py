@@ -91,11 +91,32 @@ def read_table(path: Path, contract: TableContract) -> CheckedTable:
         table = pa.concat_tables(parts, promote_options="permissive")
     except pa.ArrowException as error:
         raise ContractError(f"The shards in {path} do not fit together: {error}.") from error
-    quarantined = _quarantine(table, contract, str(path))
-    if not quarantined:
-        return CheckedTable(table, ())
-    bad = {q.row for q in quarantined}
-    return CheckedTable(table.take([i for i in range(table.num_rows) if i not in bad]), quarantined)
+    checked = _without_faults(table, contract)
+    _check_share(checked.quarantined, table.num_rows, contract, str(path))
+    return checked
+
+
+def stream_table(path: Path, contract: TableContract, rows: int) -> Iterator[CheckedTable]:
+    """`read_table` in parts of at most this many rows, in order, of which the caller holds one at a time.
+
+    Raises:
+        ContractError: as `read_table`; that too many rows are bad is known after the last part.
+    """
+    path = Path(path)
+    files = parquet_files(path)
+    if not files:
+        raise ContractError(f"Folder {path} holds no *.parquet file; make the table of {contract.name} first.")
+    quarantined: list[Quarantined] = []
+    before = 0
+    for file in files:
+        for table in _read_parts(file, rows):
+            part = _cast(_without_index(table, contract), contract, str(file))
+            checked = _without_faults(part, contract)
+            bad = tuple(Quarantined(before + each.row, each.reason) for each in checked.quarantined)
+            yield CheckedTable(checked.table, bad)
+            quarantined += bad
+            before += part.num_rows
+    _check_share(quarantined, before, contract, str(path))
 
 
 def parquet_files(path: Path) -> list[Path]:
@@ -129,17 +150,26 @@ def is_index(name: str, values: Sequence[Any]) -> bool:
     return all(number.is_integer() for number in numbers) and (unnamed or len(set(numbers)) == len(numbers))
 
 
-def _quarantine(table: pa.Table, contract: TableContract, where: str) -> tuple[Quarantined, ...]:
+def _without_faults(table: pa.Table, contract: TableContract) -> CheckedTable:
     quarantined = tuple(
         Quarantined(row, reason) for row, reason in enumerate(row_faults(table, contract)) if reason is not None
     )
-    count, rows = len(quarantined), table.num_rows
+    if not quarantined:
+        return CheckedTable(table, ())
+    bad = {q.row for q in quarantined}
+    return CheckedTable(
+        table.filter(pa.array([row not in bad for row in range(table.num_rows)], pa.bool_())), quarantined
+    )
+
+
+def _check_share(quarantined: Sequence[Quarantined], rows: int, contract: TableContract, where: str) -> None:
+    """Raise `ContractError` for too many bad rows."""
+    count = len(quarantined)
     if count > max(1, math.floor(MAX_BAD_SHARE * rows)) or 0 < count == rows:
         raise ContractError(
             f"{count} of {rows} rows of {where} break the {contract.name} contract: "
             f"{_counted(q.reason for q in quarantined)}. Repair the recording; at most 1 % is quarantined."
         )
-    return quarantined
 
 
 def _counted(reasons: Iterable[str]) -> str:
@@ -168,6 +198,17 @@ def _read_parquet(file: Path) -> pa.Table:
     try:
         with pq.ParquetFile(file) as opened:
             return opened.read()
+    except (OSError, pa.ArrowException) as error:
+        raise ContractError(f"{file} cannot be read as Parquet: {error}. Check the path or copy it again.") from error
+
+
+def _read_parts(file: Path, rows: int) -> Iterator[pa.Table]:
+    try:
+        with pq.ParquetFile(file) as opened:
+            if not opened.metadata.num_rows:
+                yield opened.schema_arrow.empty_table()
+            for batch in opened.iter_batches(rows):
+                yield pa.Table.from_batches([batch])
     except (OSError, pa.ArrowException) as error:
         raise ContractError(f"{file} cannot be read as Parquet: {error}. Check the path or copy it again.") from error
 

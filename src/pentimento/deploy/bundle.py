@@ -105,6 +105,10 @@ class DeployConfig:
 
     tolerance: float
     """Maximum difference of a graph from PyTorch, relative to the norm."""
+    half_tolerance: float | None
+    """The same of the goal planner's graphs in half precision; null exports them in single precision. The autoencoder's
+    stay in single precision where its config says `force_upcast`, as published.
+    """
     views: int
     """Random views of a picture in the encoder's objectives, in addition to the plain one."""
     sampling: GoalSampling
@@ -119,6 +123,8 @@ class DeployConfig:
 
     def __post_init__(self) -> None:
         above_zero(self, "tolerance")
+        if self.half_tolerance is not None:
+            above_zero(self, "half_tolerance")
         at_least(self, 0, "views")
         if not self.settings:
             raise ValueError("settings is empty; a bundle is for at least one.")
@@ -151,6 +157,8 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         ParityError: a graph does not compute what PyTorch does.
         ConfigError: the lean core does not support a part, or the hands differ in their number of points.
     """
+    models.encoder.model.cpu()  # graphs are exported and compared there
+    models.goal.to("cpu")
     points = _hand_points(models.hands)
     hands = {name: _hand_facts(name) for name in models.hands}
     brushes, graphs = _brushes(models, config, points)
@@ -158,12 +166,13 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
     clays, clay_parts = _clays(models, config)
     graphs |= style_parts | clay_parts
     graphs |= encoder_graphs(models.encoder, config.views, config.tolerance)
-    graphs |= goal_graphs(models.goal, config.tolerance)
+    graphs |= goal_graphs(models.goal, config.tolerance, config.half_tolerance)
     encoder_words = WordsFacts(
         "words/encoder/vocab.json", "words/encoder/merges.txt", _length(models.encoder.tokenizer)
     )
     goal_words = WordsFacts("words/goal/vocab.json", "words/goal/merges.txt", _length(models.goal.tokenizer))
     contents = {f"graphs/{name}.onnx": graph.content for name, graph in graphs.items()}
+    contents |= {f"graphs/{name}.weights": graph.weights for name, graph in graphs.items() if graph.weights is not None}
     for words, source in (
         (encoder_words, models.encoder_folder),
         (goal_words, models.goal_folder / "tokenizer"),
@@ -176,7 +185,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         contents[_correction_file(material)] = _json(correction_as_json(correction))
     for clay in clays.values():
         contents[f"end_effectors/{clay.end_effector}.toml"] = _robot_file("end_effectors", clay.end_effector)
-    entries = {name: _entry(name, graph, config.tolerance) for name, graph in graphs.items()}
+    entries = {name: _entry(name, graph) for name, graph in graphs.items()}
     encoder = EncoderFacts(
         models.encoder.image_px, models.encoder.model.config.projection_dim, config.views, encoder_words
     )
@@ -341,8 +350,11 @@ def _setting(config: SettingConfig, hand_points: int | None) -> Setting:
     )
 
 
-def _entry(name: str, graph: Graph, tolerance: float) -> GraphEntry:
-    return GraphEntry(f"graphs/{name}.onnx", graph.inputs, graph.outputs, graph.parity, tolerance, graph.models)
+def _entry(name: str, graph: Graph) -> GraphEntry:
+    weights = None if graph.weights is None else f"graphs/{name}.weights"
+    return GraphEntry(
+        f"graphs/{name}.onnx", weights, graph.inputs, graph.outputs, graph.parity, graph.tolerance, graph.models
+    )
 
 
 def _robot_file(folder: str, name: str) -> bytes:
@@ -358,7 +370,7 @@ def _metrics(graphs: Mapping[str, Graph]) -> dict[str, Any]:
     return {
         "parity": {name: max(graph.parity.values()) for name, graph in graphs.items()},
         "largest_difference": max(max(graph.parity.values()) for graph in graphs.values()),
-        "graphs_bytes": sum(len(graph.content) for graph in graphs.values()),
+        "graphs_bytes": sum(len(graph.content) + len(graph.weights or b"") for graph in graphs.values()),
     }
 
 
@@ -396,5 +408,6 @@ def bundle_card(
     for name, graph in sorted(graphs.items()):
         origin = ", ".join(graph.models) or "fixed features"
         difference = max(graph.parity.values())
-        lines.append(f"| {name} | {origin} | {sizes[graph.file] / 1000:.1f} | {difference:.1e} |")
+        size = sizes[graph.file] + (0 if graph.weights is None else sizes[graph.weights])
+        lines.append(f"| {name} | {origin} | {size / 1000:.1f} | {difference:.1e} |")
     return "\n".join(lines) + "\n"

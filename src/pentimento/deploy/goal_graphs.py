@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any, Final
 
 import torch
@@ -25,8 +26,11 @@ _UNITS: Final = {
 _BATCHES: Final = (1, 3, 6)
 
 
-def goal_graphs(planner: GoalPlanner, tolerance: float) -> dict[str, Graph]:
+def goal_graphs(planner: GoalPlanner, tolerance: float, half_tolerance: float | None) -> dict[str, Graph]:
     """`goal_text`, `goal_encode`, `goal_denoise` and `goal_decode`, each with a dynamic number of pictures.
+
+    Inputs and outputs are in single precision. With a `half_tolerance`, weights and computation are in half precision,
+    but for an autoencoder whose config says `force_upcast`: half precision overflows in it.
 
     Raises:
         ParityError: a graph does not compute what PyTorch does.
@@ -51,20 +55,22 @@ def goal_graphs(planner: GoalPlanner, tolerance: float) -> dict[str, Graph]:
         timestep = torch.randint(0, planner.scheduler.config.num_train_timesteps, (1,), generator=numbers)
         return [noisy, timestep, torch.randn(batch, length, width, generator=numbers)]
 
-    parts: tuple[tuple[str, nn.Module, list[str], str], ...] = (
-        ("goal_text", _Read(planner.text_encoder), ["tokens"], "states"),
-        ("goal_encode", _Encode(planner.vae), ["pictures"], "latents"),
-        ("goal_denoise", _Denoise(planner.unet), ["noisy", "timestep", "states"], "told"),
-        ("goal_decode", _Decode(planner.vae), ["latents"], "pictures"),
+    of_vae = None if planner.vae.config.force_upcast else half_tolerance
+    parts: tuple[tuple[str, nn.Module, list[str], str, float | None], ...] = (
+        ("goal_text", _Read(planner.text_encoder), ["tokens"], "states", half_tolerance),
+        ("goal_encode", _Encode(planner.vae), ["pictures"], "latents", of_vae),
+        ("goal_denoise", _Denoise(planner.unet), ["noisy", "timestep", "states"], "told", half_tolerance),
+        ("goal_decode", _Decode(planner.vae), ["latents"], "pictures", of_vae),
     )
     graphs = {}
-    for name, part, inputs, output in parts:
+    for name, part, inputs, output, of_half in parts:
         part.eval().requires_grad_(False)
         free = [dict[int, str]() if key == "timestep" else {0: "pictures_at_once"} for key in inputs]
-        exported = export_module(part, examples(name, 2), inputs, outputs=[output], free=free)
+        given = part if of_half is None else copy.deepcopy(part).half()
+        exported = export_module(given, examples(name, 2), inputs, outputs=[output], free=free)
         graphs[name] = compared(
             name, exported, _as_function(part), examples=[examples(name, batch) for batch in _BATCHES], units=_UNITS,
-            tolerance=tolerance, models=("goal",),
+            tolerance=tolerance if of_half is None else of_half, models=("goal",),
         )  # fmt: skip
     return graphs
 
@@ -113,6 +119,7 @@ def _as_function(part: nn.Module) -> Any:
     return function
 
 
+# Each part takes and gives single precision, whatever its own.
 class _Read(nn.Module):
     def __init__(self, text_encoder: nn.Module) -> None:
         super().__init__()
@@ -120,7 +127,7 @@ class _Read(nn.Module):
 
     def forward(self, tokens: Tensor) -> Tensor:
         states: Tensor = self.text_encoder(tokens)[0]
-        return states
+        return states.float()
 
 
 class _Encode(nn.Module):
@@ -129,8 +136,8 @@ class _Encode(nn.Module):
         self.vae = vae
 
     def forward(self, pictures: Tensor) -> Tensor:
-        mode: Tensor = self.vae.encode(pictures).latent_dist.mode()
-        return mode
+        mode: Tensor = self.vae.encode(pictures.to(self.vae.dtype)).latent_dist.mode()
+        return mode.float()
 
 
 class _Decode(nn.Module):
@@ -139,15 +146,17 @@ class _Decode(nn.Module):
         self.vae = vae
 
     def forward(self, latents: Tensor) -> Tensor:
-        pictures: Tensor = self.vae.decode(latents, return_dict=False)[0]
-        return pictures
+        pictures: Tensor = self.vae.decode(latents.to(self.vae.dtype), return_dict=False)[0]
+        return pictures.float()
 
 
 class _Denoise(nn.Module):
-    def __init__(self, unet: nn.Module) -> None:
+    def __init__(self, unet: Any) -> None:
         super().__init__()
         self.unet = unet
 
     def forward(self, noisy: Tensor, timestep: Tensor, states: Tensor) -> Tensor:
-        prediction: Tensor = self.unet(noisy, timestep, encoder_hidden_states=states, return_dict=False)[0]
-        return prediction
+        kind = self.unet.dtype
+        told = self.unet(noisy.to(kind), timestep, encoder_hidden_states=states.to(kind), return_dict=False)
+        prediction: Tensor = told[0]
+        return prediction.float()

@@ -29,6 +29,10 @@ OPSET: Final = 20
 """Version of ONNX's operators, supported by onnxruntime from 1.17 on."""
 IR_VERSION: Final = 10
 """Version of ONNX's format."""
+MAX_INLINE_BYTES: Final = 2**31 - 2**24
+"""Maximum size of tensors within a graph: a protocol buffer ends at 2^31 - 1 bytes."""
+_SMALL_BYTES: Final = 1024  # of a tensor that stays in the graph, since the shapes that it may hold are needed there
+_ALIGNED_BYTES: Final = 64
 _NUDGE: Final = 1e-5  # relative change of inputs; less is averaged out before it acts as rounding does
 _NUDGES: Final = 8  # random changes of an example, because whether rounding crosses a kink is random
 Function = Callable[..., tuple[Tensor, ...]]
@@ -122,7 +126,8 @@ def _bare(model: onnx.ModelProto) -> onnx.ModelProto:
         node.input[:] = [renamed.get(name, name) for name in node.input]
     del graph.initializer[:]
     graph.initializer.extend(kept)
-    onnx.checker.check_model(model)
+    if sum(len(array.raw_data) for array in graph.initializer) <= MAX_INLINE_BYTES:  # a larger one, onnxruntime checks
+        onnx.checker.check_model(model)
     return model
 
 
@@ -149,12 +154,16 @@ class Graph:
     """An exported graph."""
 
     content: bytes
+    weights: bytes | None
+    """Tensors that the content keeps in the file `<name>.weights` beside it; None where one file holds all."""
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     parity: dict[str, float]
     """For each output, the norm of the difference from PyTorch over the norm of PyTorch's result, the maximum over
     examples.
     """
+    tolerance: float
+    """Upper bound of `parity`."""
     models: tuple[str, ...]
     """The models that it was exported from."""
 
@@ -181,9 +190,10 @@ def compared(
     Raises:
         ParityError: an output differs by more, or no example could be compared.
     """
-    content = model.SerializeToString(deterministic=True)
     inputs, outputs = (_ports(values, units) for values in (model.graph.input, model.graph.output))
-    runtime = session(content)
+    weights = _separated(model, f"{name}.weights")
+    content = model.SerializeToString(deterministic=True)
+    runtime = session(content, {} if weights is None else {f"{name}.weights": weights})
     parity = {port.name: 0.0 for port in outputs}
     undetermined = 0
     for arguments in examples:
@@ -206,7 +216,28 @@ def compared(
             f"the tolerance of {tolerance:g}: look for an operator that is exported otherwise, or for an epsilon."
         )
     rounded = {key: float(f"{error:.2g}") for key, error in parity.items()}
-    return Graph(content, inputs, outputs, rounded, models)
+    return Graph(content, weights, inputs, outputs, rounded, tolerance, models)
+
+
+def _separated(model: onnx.ModelProto, file: str) -> bytes | None:
+    """Move the large tensors of a graph that is too large for one file out of it; their bytes, or None for no need."""
+    arrays = model.graph.initializer
+    if sum(len(array.raw_data) for array in arrays) <= MAX_INLINE_BYTES:
+        return None
+    kept: list[bytes] = []
+    at = 0
+    for array in arrays:
+        length = len(array.raw_data)
+        if length < _SMALL_BYTES:
+            continue
+        gap = -at % _ALIGNED_BYTES
+        kept += [bytes(gap), array.raw_data]
+        for key, value in (("location", file), ("offset", at + gap), ("length", length)):
+            array.external_data.add(key=key, value=str(value))
+        array.data_location = onnx.TensorProto.EXTERNAL
+        array.ClearField("raw_data")
+        at += gap + length
+    return b"".join(kept)
 
 
 def relative_difference(result: NDArray[Any], expected: NDArray[Any]) -> float:
@@ -245,11 +276,15 @@ def _sensitivity(
     return max(moves)
 
 
-def session(content: bytes) -> onnxruntime.InferenceSession:
-    """A graph, opened on one thread of the CPU."""
+def session(content: bytes, weights: Mapping[str, bytes]) -> onnxruntime.InferenceSession:
+    """A graph and its tensors by the names of their files, opened on one thread of the CPU."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 3
+    if weights:
+        options.add_external_initializers_from_files_in_memory(
+            [*weights], [*weights.values()], [len(data) for data in weights.values()]
+        )
     return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
 
 

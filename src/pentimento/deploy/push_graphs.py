@@ -119,6 +119,7 @@ def deployed_difference(
         cotangent = rng.standard_normal(facts.shape).astype(np.float32)
         for one, other in zip(deployed, diagnosed, strict=True):
             (after, pull), (expected, expected_pull) = (m.step(height, actions[0], memory) for m in (one, other))
-            pairs = zip((after - height, *pull(cotangent)), (expected - height, *expected_pull(cotangent)), strict=True)
-            worst = max(worst, *(float(np.linalg.norm(a - b) / np.linalg.norm(b)) for a, b in pairs))
+            found, known = (after - height, *pull(cotangent)), (expected - height, *expected_pull(cotangent))
+            for a, b in zip(map(np.asarray, found), map(np.asarray, known), strict=True):
+                worst = max(worst, float(np.linalg.norm(a - b) / np.linalg.norm(b)))
     return worst

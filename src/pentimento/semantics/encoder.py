@@ -23,6 +23,7 @@ from transformers import CLIPConfig, CLIPModel, CLIPTokenizer
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import at_least
+from pentimento.semantics.devices import chosen_device
 from pentimento.semantics.pretrained import check_pointers, load_pretrained, load_tokenizer
 
 _MEAN: Final = (0.48145466, 0.4578275, 0.40821073)
@@ -128,8 +129,8 @@ class Encoder:
 
     @classmethod
     def load(cls, folder: Path) -> Encoder:
-        """Read a folder in the published layout (config.json, model.safetensors, vocab.json, merges.txt); nothing is
-        downloaded.
+        """Read a folder in the published layout (config.json, model.safetensors, vocab.json, merges.txt) to the chosen
+        device; nothing is downloaded.
 
         Raises:
             ConfigError: the folder does not exist, or holds something else, a part of a model or damaged weights.
@@ -147,7 +148,9 @@ class Encoder:
         if kind != "clip":
             raise ConfigError(f"{folder} holds a model of type {kind!r}; the encoder must be of type 'clip'.")
         model = load_pretrained(ConvolutionalCLIP if has_stem(config) else CLIPModel, folder, "The CLIP model")
-        return cls(model, load_tokenizer(folder, "The CLIP model", model.config.text_config.vocab_size))
+        return cls(
+            model.to(chosen_device()), load_tokenizer(folder, "The CLIP model", model.config.text_config.vocab_size)
+        )
 
     def save(self, folder: Path) -> None:
         """Write the published layout into an existing folder."""
@@ -165,15 +168,18 @@ class Encoder:
         return found.hexdigest()
 
     def embed_images(self, images: Tensor) -> Tensor:
-        """Unit vectors [B, D] of sRGB images [B, 3, H, W] in [0, 1]; differentiable."""
-        return normalize(self.model.get_image_features(pixel_values=self.prepare(images)).pooler_output, dim=-1)
+        """Unit vectors [B, D] of sRGB images [B, 3, H, W] in [0, 1], on the images' device; differentiable."""
+        features = self.model.get_image_features(pixel_values=self.prepare(images)).pooler_output
+        return normalize(features, dim=-1).to(images.device)
 
     def embed_texts(self, captions: Sequence[str]) -> Tensor:
-        """Unit vectors [B, D] of captions; longer ones than the model reads are truncated."""
-        return normalize(self.model.get_text_features(**self.tokens(captions)).pooler_output, dim=-1)
+        """Unit vectors [B, D] of captions, on the CPU; longer ones than the model reads are truncated."""
+        tokens = {name: values.to(self.model.device) for name, values in self.tokens(captions).items()}
+        return normalize(self.model.get_text_features(**tokens).pooler_output, dim=-1).cpu()
 
     def patch_features(self, images: Tensor) -> Tensor:
-        """Features [B, L, C] of the patches of sRGB images [B, 3, H, W] after half of the layers; differentiable.
+        """Features [B, L, C] of the patches of sRGB images [B, 3, H, W] after half of the layers, on the images'
+        device; differentiable.
 
         Patches are in rows from the top left; L = (image_px / patch_px)².
         """
@@ -182,14 +188,17 @@ class Encoder:
         states = vision.pre_layrnorm(vision.embeddings(self.prepare(images)))
         for layer in layers[: (len(layers) + 1) // 2]:
             states = layer(states, None)
-        return states[:, 1:]
+        return states[:, 1:].to(images.device)
 
     def prepare(self, images: Tensor) -> Tensor:
-        """sRGB images [B, 3, H, W] as the model's input: resized to its square and normalised."""
+        """sRGB images [B, 3, H, W] as the model's input, on its device: resized to its square and normalised.
+
+        They are resized where they are, since a GPU does not sum the gradient of that in a reproducible order.
+        """
         if images.shape[-2:] != (self.image_px, self.image_px):
             size = (self.image_px, self.image_px)
             images = interpolate(images, size, mode="bicubic", antialias=True, align_corners=False)
-        return normalise(images)
+        return normalise(images).to(self.model.device)
 
     def tokens(self, captions: Sequence[str]) -> dict[str, Tensor]:
         """Token ids and mask, [B, T] each, of captions."""

@@ -24,6 +24,8 @@ _LOADED: Final = ("F64", "F32", "F16", "BF16", "I64", "I32", "BOOL")
 """Types of weights that mean what they say. Others are quantised, and their numbers mean nothing without a scale."""
 _DERIVED: Final = ("position_ids", "num_batches_tracked", "inv_freq")
 """Ends of names that older files hold and newer code computes."""
+_HALF: Final = "fp16"
+"""The variant of weights that is read where a folder has no other."""
 _SHOWN: Final = 3
 """Names in a message."""
 _BROKEN: Final = (
@@ -45,9 +47,10 @@ def load_pretrained(kind: Any, folder: Path, what: str, *, subfolder: str = "") 
     place = Path(folder) / subfolder
     with unreadable(f"{what} in {place}"):
         check_files(place)
+        _check_format(place, kind)
         model, found = kind.from_pretrained(
             folder, subfolder=subfolder, local_files_only=True, use_safetensors=True, dtype=torch.float32,
-            output_loading_info=True, ignore_mismatched_sizes=True,
+            variant=_variant(place), output_loading_info=True, ignore_mismatched_sizes=True,
         )  # fmt: skip
         _check_names(found)
         model = model.float().eval()
@@ -62,37 +65,75 @@ def unreadable(what: str) -> Iterator[None]:
         yield
     except (ConfigError, *_BROKEN) as error:
         reason = " ".join(str(error).split()).rstrip(".")
-        raise ConfigError(f"{what} cannot be read: {reason[:400]}.") from error
+        if not isinstance(error, ConfigError):
+            reason = reason[:400]
+        raise ConfigError(f"{what} cannot be read: {reason}.") from error
 
 
 def check_pointers(place: Path) -> None:
     """Raise ConfigError if a file of a model is a pointer to it."""
     for file in _files(place):
-        with file.open("rb") as opened:
-            if opened.read(40).startswith(_POINTERS):
-                raise ConfigError(f"{file.name} is a pointer and not the file; fetch it with `git lfs pull`")
+        _check_pointer(file)
+
+
+def _check_pointer(file: Path) -> None:
+    with file.open("rb") as opened:
+        if opened.read(40).startswith(_POINTERS):
+            raise ConfigError(f"{file.name} is a pointer and not the file; fetch it with `git lfs pull`")
+
+
+def check_file(file: Path) -> None:
+    """Check that a file of a model is there, and no pointer to it.
+
+    Raises:
+        ConfigError: the file is a pointer, or its weights are cut off, damaged or quantised.
+    """
+    _check_pointer(file)
+    if file.suffix == ".safetensors":
+        _check_safetensors(file)
 
 
 def check_files(place: Path) -> None:
-    """Check that the files of a model are there, and no pointers to them.
-
-    Raises:
-        ConfigError: a file is a pointer, or its weights are cut off, damaged or quantised.
-    """
-    check_pointers(place)
+    """`check_file` for each file of a model."""
     for file in _files(place):
-        if file.suffix == ".safetensors":
-            _check_safetensors(file)
+        check_file(file)
 
 
 def _files(place: Path) -> list[Path]:
-    """The files that are read; variants such as model.fp16.safetensors are not."""
-    kinds = (".safetensors", ".json", ".txt", ".model")
-    return sorted(
-        file
-        for file in place.glob("*")
-        if file.suffix in kinds and (file.suffix != ".safetensors" or file.name.count(".") == 1)
-    )
+    """The files that are read: of the safetensors, those of the folder's variant alone."""
+    variant = _variant(place)
+
+    def is_read(file: Path) -> bool:
+        if file.suffix != ".safetensors":
+            return file.suffix in (".json", ".txt", ".model")
+        return _variant_of(file) == variant
+
+    return sorted(file for file in place.glob("*") if is_read(file))
+
+
+def _variant(place: Path) -> str | None:
+    """`fp16` for a folder that has weights of this variant alone."""
+    found = {_variant_of(file) for file in place.glob("*.safetensors")}
+    return _HALF if _HALF in found and None not in found else None
+
+
+def _variant_of(file: Path) -> str | None:
+    """`fp16` of `model.fp16.safetensors` and `model.fp16-00001-of-00002.safetensors`; None where there is none."""
+    variant = file.name.removesuffix(".safetensors").partition(".")[2]
+    return variant.partition("-")[0] or None
+
+
+def _check_format(place: Path, kind: Any) -> None:
+    pickled = sorted(place.glob("*.bin"))
+    if pickled and not [*place.glob("*.safetensors")]:
+        command = (
+            f"from {kind.__module__} import {kind.__name__} as Model; Model.from_pretrained({str(place)!r}, "
+            f"use_safetensors=False).save_pretrained({str(place)!r})"
+        )
+        raise ConfigError(
+            f"its weights are pickled ({pickled[0].name}), and only safetensors are read; if you trust where they come "
+            f'from, convert them: python -c "{command}"'
+        )
 
 
 def _check_safetensors(file: Path) -> None:

@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 
 from pentimento.contracts.scenes import phrase
+from pentimento.semantics.devices import in_batches
 from pentimento.semantics.encoder import Encoder
 
 _CHUNK: Final = 256  # images in one call of the encoder
@@ -91,7 +92,7 @@ def recognised(scores: Tensor, kinds: Sequence[str], asked: Sequence[Sequence[st
 def embed_all(encoder: Encoder, images: Tensor) -> Tensor:
     """Unit vectors [B, D] of images [B, 3, H, W], in chunks; without gradient."""
     with torch.no_grad():
-        return torch.cat([encoder.embed_images(part) for part in torch.split(images, _CHUNK)])
+        return torch.cat(in_batches(lambda part: encoder.embed_images(images[part]), len(images), _CHUNK))
 
 
 def saliency(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Tensor:
@@ -117,14 +118,14 @@ def _by_attention(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> 
         pixels = encoder.prepare(images.detach()).requires_grad_()
         out = encoder.model.get_image_features(pixel_values=pixels, output_attentions=True)
         seen = torch.nn.functional.normalize(out.pooler_output, dim=-1)
-        score = (seen * encoder.embed_texts(captions)).sum()
+        score = (seen * encoder.embed_texts(captions).to(seen.device)).sum()
         gradients = torch.autograd.grad(score, out.attentions)
     tokens = out.attentions[0].shape[-1]
-    relevance = torch.eye(tokens).expand(len(images), -1, -1)
+    relevance = torch.eye(tokens, device=seen.device).expand(len(images), -1, -1)
     for attention, gradient in zip(out.attentions, gradients, strict=True):
         useful = (attention.detach() * gradient).clamp(min=0).mean(1)  # over heads: [B, T, T]
         relevance = relevance + useful @ relevance
-    return relevance[:, 0, 1:]
+    return relevance[:, 0, 1:].to(images.device)
 
 
 def _by_channels(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> Tensor:
@@ -139,4 +140,5 @@ def _by_channels(encoder: Encoder, images: Tensor, captions: Sequence[str]) -> T
             (gradient,) = torch.autograd.grad(score, held[0])
     finally:
         hook.remove()
-    return (gradient.sum((2, 3), keepdim=True) * held[0].detach()).sum(1).clamp(min=0).flatten(1)
+    relevance = (gradient.sum((2, 3), keepdim=True) * held[0].detach()).sum(1).clamp(min=0).flatten(1)
+    return relevance.to(images.device)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import torch
@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.semantics.devices import chosen_device, in_batches
 from pentimento.semantics.pretrained import load_pretrained
+
+_POINTS: Final = 64
+"""Prompt points in one call; the masks of a call, three for each point, lie in memory as numbers."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ def _load_sam(folder: Path) -> Any:
     from transformers import SamModel
 
     try:
-        return load_pretrained(SamModel, folder, "The SAM model")
+        return load_pretrained(SamModel, folder, "The SAM model").to(chosen_device())
     except ConfigError as error:
         raise ConfigError(
             f"{folder} holds no SAM model ({error}); give a folder like facebook/sam-vit-base."
@@ -94,21 +98,33 @@ def _load_sam(folder: Path) -> Any:
 def _by_sam(image: NDArray[np.uint8], folder: Path, points: int) -> NDArray[np.int32]:
     """Labels of the masks at a grid of points, the one with the highest predicted IoU on top (Kirillov et al. 2023)."""
     model = _load_sam(folder)
+    device = model.device
     side = int(model.config.vision_config.image_size)
     mean, spread = torch.tensor([123.675, 116.28, 103.53]), torch.tensor([58.395, 57.12, 57.375])  # as published
     pixels = ((torch.from_numpy(image.astype(np.float32)) - mean) / spread).permute(2, 0, 1)[None]
     height, width = image.shape[:2]
     grid = (torch.arange(points) + 0.5) / points * side
     places = torch.stack(torch.meshgrid(grid, grid, indexing="xy"), -1).reshape(1, -1, 1, 2)
+    resized = torch.nn.functional.interpolate(pixels, (side, side), mode="bilinear", antialias=True)
+
+    def masks_at(part: slice) -> tuple[NDArray[np.uint8], torch.Tensor, torch.Tensor]:
+        """Packed masks [N, H · W / 8], their areas and their predicted IoU."""
+        out = model(image_embeddings=seen, input_points=places[:, part].to(device), multimask_output=True)
+        logits = torch.nn.functional.interpolate(
+            out.pred_masks[0].flatten(0, 1)[None], (height, width), mode="bilinear"
+        )
+        masks = logits[0] > 0
+        packed = np.packbits(masks.flatten(1).cpu().numpy(), axis=1)
+        return packed, masks.float().mean((1, 2)).cpu(), out.iou_scores[0].flatten().cpu()
+
     with torch.no_grad():
-        resized = torch.nn.functional.interpolate(pixels, (side, side), mode="bilinear", antialias=True)
-        out = model(pixel_values=resized, input_points=places, multimask_output=True)
-        masks, ratings = out.pred_masks[0].flatten(0, 1), out.iou_scores[0].flatten()
-        masks = torch.nn.functional.interpolate(masks[None], (height, width), mode="bilinear")[0] > 0
-    labels = np.zeros((height, width), np.int32)
+        seen = model.get_image_embeddings(resized.to(device))
+        packed, areas, ratings = zip(*in_batches(masks_at, points * points, _POINTS), strict=True)
+    masks = np.concatenate(packed)
+    labels = np.zeros(height * width, np.int32)
     # A mask of nearly everything is the ground, which stays 0.
-    usable = (masks.float().mean((1, 2)) < 0.9).tolist()
-    for label, number in enumerate(ratings.argsort().tolist(), 1):
+    usable = (torch.cat(areas) < 0.9).tolist()
+    for label, number in enumerate(torch.cat(ratings).argsort().tolist(), 1):
         if usable[number]:
-            labels[masks[number].numpy()] = label
-    return labels
+            labels[np.unpackbits(masks[number], count=labels.size).astype(bool)] = label
+    return labels.reshape(height, width)

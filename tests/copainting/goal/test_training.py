@@ -9,7 +9,7 @@ import pytest
 import torch
 from diffusers import DDIMScheduler
 
-from pentimento.contracts.errors import ContractError
+from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.copainting.goal.denoising import Lora, encode_pairs, loss_weight, wanted_output
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.copainting.goal.training import latest_checkpoint, train_goal_planner
@@ -119,3 +119,15 @@ def test_encoded_pairs_share_pictures_and_reject_mixed_sizes() -> None:
         encode_pairs(planner, [*pairs, odd])
     with pytest.raises(ContractError, match="no pair"):
         encode_pairs(planner, [])
+
+
+def test_a_step_that_does_not_fit_into_memory_says_what_to_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = small_planner()
+
+    def forward(*_: object, **__: object) -> None:
+        raise torch.OutOfMemoryError("CUDA out of memory.\nmore")
+
+    monkeypatch.setattr(planner.unet, "forward", forward)
+    pairs = encode_pairs(planner, small_pairs(2))
+    with pytest.raises(PentimentoError, match=r"A batch of 3 pairs does not fit .*\(CUDA out of memory\.\); halve"):
+        train_goal_planner(planner, pairs, TRAINING, scratch=None, log=lambda *_: None)

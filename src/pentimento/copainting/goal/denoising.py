@@ -22,6 +22,7 @@ from pentimento.copainting.goal.ranks import Log
 from pentimento.copainting.goal.vae import encode
 from pentimento.copainting.jobs import generator_for
 from pentimento.copainting.scenes.edits import Pair
+from pentimento.semantics.devices import chosen_device
 
 Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
 _LARGEST_NORM: Final = 1.0  # of a step's gradient
@@ -135,7 +136,7 @@ def encode_pairs(planner: GoalPlanner, pairs: Sequence[Pair], precision: Precisi
 
     inputs = [index_of(pair.input) for pair in pairs]
     targets = [index_of(pair.target) for pair in pairs]
-    with torch.autocast("cpu", torch.bfloat16, enabled=precision == "bf16-mixed"):
+    with torch.autocast(chosen_device().type, torch.bfloat16, enabled=precision == "bf16-mixed"):
         latents = encode(planner.vae, np.stack(pictures)).float()
     return LatentPairs(
         latents,
@@ -167,7 +168,7 @@ class Denoising(lightning.LightningModule):
         self.pairs, self.config, self.report = pairs, config, log
         self.no_text = tokens_of(planner, [""])
         self.unet.train()
-        if self.unet.device.type == "cpu":
+        if config.accelerator == "cpu" or not torch.cuda.is_available():
             # PyTorch's flash attention on a CPU takes a fifth of a step for the gradient of a few dozen tokens.
             self.unet.set_attn_processor(AttnProcessor())
         if config.lora is None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Final, TypeAlias
 
 import numpy as np
 import torch
@@ -18,17 +18,17 @@ from huggingface_hub import snapshot_download
 from numpy.typing import NDArray
 from transformers import CLIPModel, CLIPTextModel, CLIPTokenizer
 
+from pentimento.bundle.sampler import NoiseSchedule, Prediction
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.ranges import at_least
+from pentimento.copainting.goal.published import check_parts, check_pipeline, ddim_of, merge_adapter, widen
 from pentimento.copainting.jobs import generator_for
-from pentimento.semantics.pretrained import check_pointers, load_pretrained, load_tokenizer, unreadable
+from pentimento.semantics.devices import chosen_device, in_batches
+from pentimento.semantics.pretrained import load_pretrained, load_tokenizer, unreadable
 
 GoalPlanner: TypeAlias = StableDiffusionInstructPix2PixPipeline
-Prediction = Literal["epsilon", "v_prediction", "sample"]
-_PREDICTIONS: Final = ", ".join(get_args(Prediction))
 
 _TRAIN_TIMESTEPS: Final = 1000  # as in Stable Diffusion
-_DISTILLED: Final = ("LCMScheduler", "TCDScheduler")
 _GROUPS: Final = 8  # of channels, in the group normalisation of a small UNet
 _ATTENDING: Final = 2  # of a small UNet's resolutions, the coarsest: they attend to the text
 _CHUNK: Final = 16  # pictures in one call of the pipeline
@@ -122,26 +122,15 @@ def build_goal_planner(
         rescale_betas_zero_snr=shape.prediction != "epsilon",
         timestep_spacing="trailing",
     )
-    return _quiet(
-        GoalPlanner(
-            vae=vae,
-            text_encoder=text_encoder,
-            tokenizer=tokenizer,
-            unet=unet,
-            scheduler=scheduler,
-            safety_checker=None,
-            feature_extractor=None,
-            image_encoder=None,
-            requires_safety_checker=False,
-        )
-    )
+    return _pipeline(vae, text_encoder, tokenizer=tokenizer, unet=unet, scheduler=scheduler)
 
 
 def load_goal_planner(source: str | Path) -> GoalPlanner:
     """A goal planner from a folder in diffusers' layout, or a published one by name, if it was downloaded before.
 
-    Nothing is downloaded, and only safetensors are read. The scheduler is replaced by DDIM with the same noise
-    schedule, whose sampling is deterministic after the initial noise; it never clips.
+    Nothing is downloaded, and only safetensors are read, whole, in shards, or of the variant fp16. The scheduler is
+    replaced by DDIM with the same noise schedule, whose sampling is deterministic after the initial noise; it never
+    clips. The UNet of a text-to-image base is widened, and an adapter in the folder is merged (`goal.published`).
 
     Raises:
         ConfigError: nothing there, an incomplete folder, another pipeline, or parts that do not fit together.
@@ -151,6 +140,7 @@ def load_goal_planner(source: str | Path) -> GoalPlanner:
             folder = Path(source)
             if not folder.is_dir():
                 folder = Path(snapshot_download(str(source), local_files_only=True))
+            check_pipeline(folder)
         text_encoder, vae, unet = (
             load_pretrained(kind, folder, "The weights", subfolder=part)
             for part, kind in (
@@ -162,43 +152,17 @@ def load_goal_planner(source: str | Path) -> GoalPlanner:
         words = text_encoder.config.vocab_size
         tokenizer = load_tokenizer(folder, "The tokenizer", words, subfolder="tokenizer")
         with unreadable("It"):
-            planner = GoalPlanner.from_pretrained(
-                folder, text_encoder=text_encoder, vae=vae, unet=unet, tokenizer=tokenizer,
-                scheduler=_scheduler(folder), safety_checker=None, requires_safety_checker=False,
-                local_files_only=True, use_safetensors=True, dtype=torch.float32,
-            )  # fmt: skip
+            widen(unet, vae.config.latent_channels)
+            planner = _pipeline(vae, text_encoder, tokenizer=tokenizer, unet=unet, scheduler=ddim_of(folder))
+            merge_adapter(planner, folder)
     except ConfigError as error:
         reason = str(error).rstrip(".")
         raise ConfigError(
             f"The goal planner {source} cannot be loaded as an Instruct-Pix2Pix pipeline ({reason}); give a "
             "folder in diffusers' layout, or download the published one first."
         ) from error
-    _check_shapes(planner, source)
-    return _quiet(planner)
-
-
-def _scheduler(folder: Path) -> DDIMScheduler:
-    """DDIM for the noise schedule of any sampler that has one: steps as the folder says, or leading as published.
-
-    Raises:
-        ConfigError: the sampler has no noise schedule of betas, as those of flow matching, or is of a distilled model.
-    """
-    check_pointers(folder / "scheduler")
-    config = DDIMScheduler.load_config(folder, subfolder="scheduler", local_files_only=True)
-    name = config.get("_class_name")
-    if name in _DISTILLED:
-        raise ConfigError(f"its sampler {name} is of a distilled model, which DDIM does not sample")
-    if not (config.keys() >= {"beta_start", "beta_end", "beta_schedule"} or config.get("trained_betas") is not None):
-        raise ConfigError(f"its sampler {name} has no noise schedule (beta_start, beta_end, beta_schedule)")
-    prediction = config.get("prediction_type", "epsilon")
-    if prediction not in get_args(Prediction):
-        raise ConfigError(f"its sampler {name} has the prediction type {prediction!r}, not one of {_PREDICTIONS}")
-    spacing = config.get("timestep_spacing")
-    if spacing not in ("leading", "trailing"):
-        spacing = "trailing" if config.get("rescale_betas_zero_snr") else "leading"
-    return DDIMScheduler.from_config(
-        config, clip_sample=False, thresholding=False, prediction_type=prediction, timestep_spacing=spacing
-    )
+    check_parts(planner, source)
+    return planner
 
 
 def save_goal_planner(planner: GoalPlanner, folder: Path) -> None:
@@ -228,6 +192,15 @@ def check_pictures(planner: GoalPlanner, pictures: NDArray[np.uint8]) -> None:
         )
 
 
+def check_steps(scheduler: DDIMScheduler, steps: int) -> None:
+    """Raise `ContractError` where a noise schedule has not that many steps of sampling."""
+    config = scheduler.config
+    NoiseSchedule(
+        scheduler.alphas_cumprod.numpy(), float(scheduler.final_alpha_cumprod), config.prediction_type,
+        config.timestep_spacing, config.steps_offset,
+    ).timesteps(steps)  # fmt: skip
+
+
 @torch.no_grad()
 def complete(
     planner: GoalPlanner,
@@ -236,49 +209,53 @@ def complete(
     sampling: SeededSampling,
 ) -> NDArray[np.uint8]:
     """Goal pictures, uint8 [B, H, W, 3], for canvases, uint8 [B, H, W, 3], and prompts; item i starts from noise of
-    (seed, i).
+    (seed, i). The planner moves to the chosen device.
 
     Raises:
-        ContractError: pictures of another type or size than the planner takes, or another number of captions.
+        ContractError: pictures of another type or size than the planner takes, another number of captions, or more
+            steps than the noise schedule has.
     """
     check_pictures(planner, inputs)
     if len(captions) != len(inputs):
         raise ContractError(f"{len(inputs)} pictures came with {len(captions)} captions; give one for each.")
+    check_steps(planner.scheduler, sampling.steps)
+    planner.to(chosen_device())
     planner.unet.eval()
-    completions = []
-    for start in range(0, len(inputs), _CHUNK):
-        chosen = slice(start, start + _CHUNK)
-        shown = torch.from_numpy(np.ascontiguousarray(inputs[chosen])).permute(0, 3, 1, 2).float() / 255
+
+    def completed(part: slice) -> NDArray[np.uint8]:
+        shown = torch.from_numpy(np.ascontiguousarray(inputs[part])).permute(0, 3, 1, 2).float() / 255
         images = planner(
-            prompt=[*captions[chosen]],
+            prompt=[*captions[part]],
             image=shown,
             num_inference_steps=sampling.steps,
             guidance_scale=sampling.text_guidance,
             image_guidance_scale=sampling.image_guidance,
-            generator=[generator_for(sampling.seed, index) for index in range(start, start + len(shown))],
+            generator=[generator_for(sampling.seed, index) for index in range(part.start, part.stop)],
             output_type="np",
         ).images
-        completions.append(np.round(images * 255).astype(np.uint8))
-    return np.concatenate(completions) if completions else inputs.copy()
+        return np.round(images * 255).astype(np.uint8)
+
+    return np.concatenate(in_batches(completed, len(inputs), _CHUNK)) if len(inputs) else inputs.copy()
 
 
-def _check_shapes(planner: GoalPlanner, source: str | Path) -> None:
-    """Check that the parts fit. A first convolution of another width is not rebuilt, because its weights would be
-    lost."""
-    unet, latents = planner.unet.config, planner.vae.config.latent_channels
-    width = planner.text_encoder.config.hidden_size
-    if unet.in_channels != 2 * latents:
-        raise ConfigError(
-            f"The UNet of {source} takes {unet.in_channels} channels, but Instruct-Pix2Pix needs {2 * latents} (the "
-            "noisy latents and those of the input picture): it is another architecture; give an Instruct-Pix2Pix base."
-        )
-    if unet.cross_attention_dim != width:
-        raise ConfigError(
-            f"The UNet of {source} attends to {unet.cross_attention_dim} text channels, but its text encoder has "
-            f"{width}: the parts come from different models; give a folder saved as one."
-        )
-
-
-def _quiet(planner: GoalPlanner) -> GoalPlanner:
+def _pipeline(
+    vae: AutoencoderKL,
+    text_encoder: CLIPTextModel,
+    *,
+    tokenizer: CLIPTokenizer,
+    unet: UNet2DConditionModel,
+    scheduler: DDIMScheduler,
+) -> GoalPlanner:
+    planner = GoalPlanner(
+        vae=vae,
+        text_encoder=text_encoder,
+        tokenizer=tokenizer,
+        unet=unet,
+        scheduler=scheduler,
+        safety_checker=None,
+        feature_extractor=None,
+        image_encoder=None,
+        requires_safety_checker=False,
+    )
     planner.set_progress_bar_config(disable=True)
     return planner

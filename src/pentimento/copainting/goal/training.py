@@ -18,7 +18,7 @@ import torch
 from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from torch.utils.data import DataLoader
 
-from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.copainting.goal.denoising import Denoising, GoalTraining, LatentPairs, Lora
 from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
 from pentimento.copainting.goal.ranks import Log, run_ranks
@@ -41,6 +41,7 @@ def train_goal_planner(
 
     Raises:
         ConfigError: more devices than GPUs.
+        PentimentoError: a step does not fit into the device's memory.
     """
     if config.devices == 1 and config.strategy == "auto":
         return _train(planner, pairs, config, scratch=scratch, log=log)
@@ -104,6 +105,12 @@ def _train(
         start = None if scratch is None else latest_checkpoint(scratch)
         try:
             trainer.fit(module, steps, ckpt_path=start, weights_only=True)
+        except torch.OutOfMemoryError as error:
+            raise PentimentoError(
+                f"A batch of {config.batch} pairs does not fit into the device's memory "
+                f"({str(error).splitlines()[0]}); halve training.batch, or train low-rank updates (training.lora). "
+                "What was trained up to the last checkpoint is kept."
+            ) from error
         except SystemExit as exit_:
             if isinstance(exit_.__context__, KeyboardInterrupt):  # Lightning would end the process itself
                 raise exit_.__context__ from None

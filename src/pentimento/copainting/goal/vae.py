@@ -21,6 +21,7 @@ from torch.nn.functional import avg_pool2d
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.jobs import generator_for
 from pentimento.copainting.scenes.ink import ink_recall, pen_drawing, random_pen, random_strokes
+from pentimento.semantics.devices import chosen_device, in_batches
 
 Log = Callable[[str, float, int], None]
 
@@ -147,7 +148,8 @@ def train_decoder(
     for step in range(config.steps):
         chosen = torch.randint(0, len(pictures), (config.batch,), generator=generator_for(seed, step))
         shown = pictures[chosen.numpy()]
-        loss = _reconstruction_loss(vae.decode(encode(vae, shown)).sample, as_model_input(shown))
+        latents = encode(vae, shown).to(vae.device)
+        loss = _reconstruction_loss(vae.decode(latents).sample, as_model_input(shown).to(vae.device))
         _descend(optimizer, loss, config, step)
         log("decoder_loss", float(loss.detach()), step)
     vae.requires_grad_(False)
@@ -155,23 +157,24 @@ def train_decoder(
 
 @torch.no_grad()
 def encode(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> Tensor:
-    """Modes of the latents of pictures, [B, C, h, w]."""
-    parts = [
-        vae.encode(as_model_input(pictures[start : start + _CHUNK]).to(vae.device)).latent_dist.mode().cpu()
-        for start in range(0, len(pictures), _CHUNK)
-    ]
-    return torch.cat(parts)
+    """Modes of the latents of pictures, [B, C, h, w], on the CPU; the autoencoder moves to the chosen device."""
+    device = vae.to(chosen_device()).device
+    return torch.cat(
+        in_batches(
+            lambda part: vae.encode(as_model_input(pictures[part]).to(device)).latent_dist.mode().cpu(),
+            len(pictures),
+            _CHUNK,
+        )
+    )
 
 
 @torch.no_grad()
 def round_trip(vae: AutoencoderKL, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Reconstructions of pictures, uint8 [B, H, W, 3]."""
     latents = encode(vae, pictures)
-    parts = [
-        as_pictures(vae.decode(latents[start : start + _CHUNK].to(vae.device)).sample)
-        for start in range(0, len(latents), _CHUNK)
-    ]
-    return np.concatenate(parts)
+    return np.concatenate(
+        in_batches(lambda part: as_pictures(vae.decode(latents[part].to(vae.device)).sample), len(latents), _CHUNK)
+    )
 
 
 def ink_after_round_trip(
