@@ -18,6 +18,7 @@ from pentimento.contracts.errors import ConfigError, ContractError, ImageError
 from pentimento.contracts.images import read_image
 from pentimento.contracts.picture_files import decode_deep
 from pentimento.goals3d.obj_file import read_obj
+from pentimento.goals3d.ply_file import read_ply
 from pentimento.goals3d.reliefs import letter_relief, place, shape_relief, soften
 from pentimento.planning.pushes.goal import GoalError
 from pentimento.planning.pushes.holes import fill_holes
@@ -126,6 +127,8 @@ def height_file_relief(path: Path) -> tuple[FloatArray, int]:
     try:
         if path.suffix.lower() == ".npy":
             heights = np.load(path, allow_pickle=False)
+            if not isinstance(heights, np.ndarray):
+                raise ValueError("it is an archive of arrays, .npz")
         else:
             heights = decode_deep(path.read_bytes(), "It")
             if heights is None:
@@ -177,6 +180,8 @@ def _mesh(path: Path) -> tuple[FloatArray, NDArray[np.int64]]:
     try:
         if path.suffix.lower() == ".obj":
             return read_obj(path)
+        if path.suffix.lower() == ".ply":
+            return read_ply(path)
         mesh = trimesh.load_mesh(path)
     except (OSError, ValueError, LookupError, ArithmeticError, AttributeError, TypeError) as error:
         reason = " ".join(str(error).split()).rstrip(".")
