@@ -44,7 +44,7 @@ def main(arguments: argparse.Namespace) -> None:
         )
         write_bundle(out, models, config)
         open_bundle(out)  # a bundle that the runner would refuse fails here
-        run.log_metrics(json.loads((out / "metrics.json").read_text()))
+        run.log_metrics(json.loads((out / "metrics.json").read_text(encoding="utf-8")))
         run.tag("manifest", hashlib.sha256((out / MANIFEST).read_bytes()).hexdigest())
 
 

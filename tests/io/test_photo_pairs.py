@@ -181,11 +181,25 @@ def test_counts_unusable_stroke_and_imports_the_others(points: list[str], reason
     assert not (tmp_path / "none").exists()
 
 
+def test_two_recordings_one_behind_the_other_are_not_joined_to_one_stroke(tmp_path: Path) -> None:
+    """Each numbers its strokes from 0, and has no times."""
+    for number in range(2):
+        photograph(tmp_path / "photos", str(number), line_mm(number, 2))
+    names = ("0", "1", "0")
+    rows = [f"{name},{x},{y},-1" for at, name in enumerate(names) for x, y in line_mm(at, 2)]
+    paths = written(tmp_path, ["stroke,x_mm,y_mm,z_mm", *rows])
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 1
+    assert imported.refused == {"its points stand at several places of the file": ["0"]}
+
+
 @pytest.mark.parametrize(
     ("header", "says"),
     [
         ("", "is empty"),
-        ("stroke,t_s,x,y,z", "no column x, y, z"),
+        ("stroke,t_s", "no column x, y, z"),
+        ("stroke,t_s,x,y,z", "column 'x' has no unit"),
+        ("stroke,x_mm,y_mm,z_mm,yaw", "column 'yaw' has no unit; name it with one, such as yaw_deg"),
         ("stroke,x_mm,y_mm,z_kg", "unusable unit"),
         ("stroke,x_mm,y_mm,z_mm,press_mm", "z and press"),
         ("stroke,x_mm,x_m,y_mm,z_mm", "x twice"),

@@ -62,8 +62,8 @@ def _require_whole(vertices: int, polygons: list[list[int]], others: set[int], t
     unused = vertices - len(others.union(*polygons))
     if polygons and unused:
         raise ValueError(
-            f"{unused} of its {vertices} vertices are in no face, so the file may be cut off; if it is whole, remove its "
-            "loose vertices"
+            f"{unused} of its {vertices} vertices are in no face, so the file may be cut off; if it is whole, remove "
+            "its loose vertices"
         )
     for name, found in (("vertices", vertices), ("faces", len(polygons))):
         if told[name] > found:

@@ -16,9 +16,9 @@ from pentimento.goals3d.polygons import triangulated
 FloatArray = NDArray[np.float64]
 
 _TYPES: Final = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
-    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
-    "float64": "f8",
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
+    "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
 }  # fmt: skip
 _ORDERS: Final = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 _CORNERS: Final = ("vertex_indices", "vertex_index")
@@ -154,7 +154,7 @@ class _Bytes(_Body):
     def _alike(self, element: _Element) -> dict[str, Any] | None:
         """All rows at once, where lists are as long as in the first one; else None."""
         if element.count == 0:
-                return None
+            return None
         begin, fields = self._at, []
         for number, each in enumerate(element.properties):
             if each.counted_by is None:

@@ -137,7 +137,8 @@ def resample_path(path: Array, points: int) -> Array:
     if along[-1] <= 0:
         along = np.arange(len(path), dtype=float)
     at = np.linspace(0, along[-1], points)
-    return np.stack([np.interp(at, along, column) for column in path.T], axis=1)
+    columns = [*path[:, :4].T, np.unwrap(path[:, 4])]  # a yaw may jump from half a turn to minus half a turn
+    return np.stack([np.interp(at, along, column) for column in columns], axis=1)
 
 
 @dataclass(frozen=True)
