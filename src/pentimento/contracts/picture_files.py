@@ -131,8 +131,8 @@ def _of_8_bits(numbers: NDArray[Any], transparent: Any, name: str) -> Image.Imag
         raise PictureError(
             name,
             "12 bits in 16",
-            f"has 16 bits a pixel but no value above {_TWELVE_BITS - 1}, as cameras of 12 bits and less write: it would be"
-            " nearly black. Stretch it to the whole range, or save it with 8 bits.",
+            f"has 16 bits a pixel and no value above {_TWELVE_BITS - 1}, as cameras of 12 bits and less write, and "
+            "would be nearly black: stretch it to the whole range, or save it with 8 bits.",
         )
     grey = Image.fromarray(np.rint(numbers / 257.0).astype(np.uint8))
     if transparent is not None:
