@@ -213,6 +213,19 @@ def test_a_ply_that_is_not_whole_is_refused(tmp_path: Path, kind: str) -> None:
         mesh_relief(tmp_path / "mesh.ply", 4)
 
 
+def test_a_ply_of_points_or_strips_is_refused(tmp_path: Path) -> None:
+    vertex = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header = f"ply\nformat ascii 1.0\n{vertex}{{}}end_header\n"
+    points = "0 0 0\n1 0 0\n0 1 0\n"
+    (tmp_path / "points.ply").write_text(header.format("") + points)
+    with pytest.raises(GoalError, match="has no faces"):
+        mesh_relief(tmp_path / "points.ply", 4)
+    strips = "element tristrips 1\nproperty list int int vertex_indices\n"
+    (tmp_path / "strips.ply").write_text(header.format(strips) + points + "3 0 1 2\n")
+    with pytest.raises(GoalError, match="its faces are strips of triangles; export plain triangles"):
+        mesh_relief(tmp_path / "strips.ply", 4)
+
+
 def test_an_obj_that_was_cut_off_between_its_lines_is_refused(tmp_path: Path) -> None:
     vertices, faces = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n", ("f 1 2 3\n", "f 1 3 4\n")
     (tmp_path / "cut.obj").write_text(vertices + faces[0])

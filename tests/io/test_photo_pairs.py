@@ -63,6 +63,15 @@ def test_finds_photographs_as_cameras_and_other_systems_name_them(tmp_path: Path
     assert imported.refused == {"there are several photographs after it": ["s2"]}
 
 
+def test_a_photograph_of_a_phone_s_own_format_is_named(tmp_path: Path) -> None:
+    paths = record(tmp_path, 2)
+    (tmp_path / "photos/s0_after.png").rename(tmp_path / "photos/s0_after.HEIC")
+    (tmp_path / "photos/s1_after.heic").write_bytes(b"beside the JPEG of the same shot")
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 1
+    assert imported.refused == {"the photograph after it is HEIC, which is not read: save it as JPEG or PNG": ["s0"]}
+
+
 def test_photographs_are_read_as_they_look(tmp_path: Path) -> None:
     """An EXIF orientation, transparent paper and colours of another profile give the rows of the plain photographs."""
     paths = record(tmp_path, 2)
@@ -150,6 +159,9 @@ def test_keeps_contract_columns_and_other_numbers_as_covariates(tmp_path: Path) 
         (["s0,0,30,20,-1,"], "fewer than 2 points"),
         (["s0,0,30,20,-1,", "s0,1,nan,20,-1,"], "NaN or infinite"),
         (["s0,0,30,20,-1,", "s0,1,abc,20,-1,"], "not all numbers"),
+        (["s0,0,30,20,-1,", 's0,1,"40,5",20,-1,'], "not all numbers"),
+        (["s0,0,30,20,-1,", "s0,1,40,20,−1,"], "not all numbers"),
+        (["s0,0,30,20,-1,", "s0,1,40,5,20,-1,"], "another number of fields"),
         (["s0,1,30,20,-1,", "s0,0,40,20,-1,"], "times run backwards"),
         (["s0,0,30,20,-1,", "s0,,40,20,-1,"], "times at some points only"),
         (["s0,0,30,20,-1,", "s0,1,400,20,-1,"], "leaves the photograph"),

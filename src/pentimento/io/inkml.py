@@ -25,7 +25,15 @@ FloatArray = NDArray[np.float64]
 
 _NAMESPACE: Final = "{http://www.w3.org/2003/InkML}"
 _ID: Final = "{http://www.w3.org/XML/1998/namespace}id"
-_LENGTHS_M: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "himetric": 1e-5}
+_LENGTHS_M: Final = {
+    "m": 1.0,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "in": 0.0254,
+    "pt": 0.0254 / 72,
+    "pc": 0.0254 / 6,
+    "himetric": 1e-5,
+}
 _TIMES_S: Final = {"s": 1.0, "ms": 1e-3}
 _ANGLES_RAD: Final = {"deg": np.pi / 180, "rad": 1.0}
 _STILL: Final = ("identity", "unknown", "")

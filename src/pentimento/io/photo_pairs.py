@@ -297,6 +297,8 @@ def import_strokes(
 
 
 _ENDINGS: Final = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+_NOT_READ: Final = (".heic", ".heif", ".dng", ".cr2", ".cr3", ".nef", ".arw")
+"""Endings of photographs as phones and cameras write them, for which there is no reader."""
 
 
 def _by_stem(folder: Path) -> dict[str, list[Path]]:
@@ -307,7 +309,7 @@ def _by_stem(folder: Path) -> dict[str, list[Path]]:
     """
     found: dict[str, list[Path]] = {}
     for file in sorted(folder.iterdir()) if folder.is_dir() else []:
-        if file.suffix.lower() in _ENDINGS and file.is_file():
+        if file.suffix.lower() in (*_ENDINGS, *_NOT_READ) and file.is_file():
             found.setdefault(unicodedata.normalize("NFC", file.stem), []).append(file)
     return found
 
@@ -315,6 +317,11 @@ def _by_stem(folder: Path) -> dict[str, list[Path]]:
 def _photo(photographs: dict[str, list[Path]], stem: str) -> NDArray[np.uint8]:
     found = photographs.get(unicodedata.normalize("NFC", stem), [])
     when = "before" if stem.endswith("_before") else "after"
+    readable = [file for file in found if file.suffix.lower() in _ENDINGS]
+    if found and not readable:
+        kind = found[0].suffix[1:].upper()
+        raise Refused(f"the photograph {when} it is {kind}, which is not read: save it as JPEG or PNG")
+    found = readable
     if not found:
         raise Refused(f"there is no photograph {when} it")
     if len(found) > 1:
