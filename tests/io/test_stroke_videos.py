@@ -9,10 +9,10 @@ import pytest
 from pentimento.cli.main import main
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
-from pentimento.contracts.markers import DICTIONARY
+from pentimento.contracts.markers import DICTIONARY, MarkerLayout
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.io.marker_views import read_markers
+from pentimento.io.marker_views import read_markers, rectified
 from pentimento.io.stroke_rows import Placement, Refused
 from pentimento.io.stroke_videos import first_and_last, import_videos
 from tests.io.photographed import written
@@ -193,6 +193,17 @@ def test_options_that_do_not_fit_are_named(tmp_path: Path, capsys: pytest.Captur
     assert main([*common, "--tool", "quill", "--window", WINDOW, "--markers", str(markers(tmp_path))]) == 1
     assert "has 2 strokes, and" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_mirrored_pictures_are_refused() -> None:
+    """Of a front camera, or a file that was flipped: some markers look like others in a mirror."""
+    layout = MarkerLayout(tuple(MARKERS_MM), np.array(list(MARKERS_MM.values())) / 1000, SIDE_MM / 1000)
+    window_m = np.array(PLACE.window_m((0, 0)))
+    assert len(rectified([frame(True)], layout, window_m, one_camera=True)) == 1
+    for axis in (0, 1):
+        mirrored = np.ascontiguousarray(np.flip(frame(True), axis))
+        with pytest.raises(Refused, match="cannot be registered"):
+            rectified([mirrored], layout, window_m, one_camera=True)
 
 
 def test_a_video_that_was_cut_off_is_refused(tmp_path: Path) -> None:
