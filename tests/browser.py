@@ -72,7 +72,7 @@ class Browser:
             self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", clickCount=1)
 
     def tick(self, *boxes: str) -> None:
-        """Click until all boxes that the expressions give are ticked; a page that is drawn anew may miss a click."""
+        """Click until all boxes that the expressions give are ticked; a page that is drawn again may miss a click."""
         end = time.monotonic() + 120
         while open_ := [box for box in boxes if not self.evaluate(f"Boolean(({box} || {{}}).checked)")]:
             assert time.monotonic() < end, f"never ticked: {open_[0]}; the page says: {self.text()[:2000]}"

@@ -70,7 +70,7 @@ def test_channels_are_averaged() -> None:
 
 WHOLE = KINDS["16 bits"]
 AT = WHOLE.index(b"data") + 4
-STREAMED = WHOLE[:AT] + b"\xff" * 4 + WHOLE[AT + 4 :]
+STREAMED = WHOLE[:4] + b"\xff" * 4 + WHOLE[8:AT] + b"\xff" * 4 + WHOLE[AT + 4 :]
 """As a pipe writes it, which knows no length."""
 NOISE = np.clip(np.random.default_rng(0).normal(0, 1, 8000), -1, 1).astype(np.float32)
 
@@ -92,8 +92,8 @@ NOISE = np.clip(np.random.default_rng(0).normal(0, 1, 8000), -1, 1).astype(np.fl
         (wav(np.full(8000, np.nan, np.float32), RATE_HZ), "no numbers"),
         (wav(NOISE, RATE_HZ), "distorted"),
     ],
-    ids=["empty", "text", "picture", "header", "half", "one byte less", "compressed", "streamed", "short", "long", "rate",
-         "nan", "clipped"],
+    ids=["empty", "text", "picture", "header", "half", "one byte less", "compressed", "streamed", "short", "long",
+         "rate", "nan", "clipped"],
 )  # fmt: skip
 def test_bad_files_are_one_sentence(content: bytes, says: str, tmp_path: Path) -> None:
     path = tmp_path / "wish.wav"
