@@ -182,11 +182,13 @@ def _mesh(path: Path) -> tuple[FloatArray, NDArray[np.int64]]:
             return read_obj(path)
         if path.suffix.lower() == ".ply":
             return read_ply(path)
-        mesh = trimesh.load_mesh(path)
+        with np.errstate(invalid="ignore"):  # vertices that are no numbers are refused by the caller
+            mesh = trimesh.load_mesh(path)
+            vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     except (OSError, ValueError, LookupError, ArithmeticError, AttributeError, TypeError) as error:
         reason = " ".join(str(error).split()).rstrip(".")
         raise GoalError(f"{path} cannot be read as a mesh ({reason}); export it again as STL, OBJ or PLY.") from error
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+    return vertices, faces
 
 
 def top_of(triangles: FloatArray, side_px: int) -> FloatArray:
