@@ -45,7 +45,10 @@ def read_obj(path: Path) -> tuple[FloatArray, NDArray[np.int64]]:
                 vertices.append([x, y, z])
             else:
                 corners = [_index(word.partition("/")[0], len(vertices)) for word in words[1:]]
-                polygons.append(corners) if words[0] == "f" else others.update(corners)
+                if words[0] == "f":
+                    polygons.append(corners)
+                else:
+                    others.update(corners)
         except ValueError as error:
             raise ValueError(f"line {number}, {line[:60]!r}, is broken") from error
         if words[0] == "f" and len(words) < 4:

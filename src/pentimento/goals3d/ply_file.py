@@ -50,7 +50,8 @@ def read_ply(path: Path) -> tuple[FloatArray, NDArray[np.int64]]:
     data = path.read_bytes()
     order, elements, start = _header(data)
     body: _Body = _Words(data[start:]) if order == "ascii" else _Bytes(data[start:], _ORDERS[order])
-    vertices, polygons = np.zeros((0, 3)), []
+    vertices = np.zeros((0, 3))
+    polygons: list[list[int]] = []
     for element in elements:
         columns = body.columns(element)
         if element.name == "tristrips":
@@ -80,7 +81,8 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
         raise ValueError("its header has no end; it may be cut off")
     start = end + len(b"end_header")
     start += 2 if data[start : start + 2] == b"\r\n" else 1
-    order, elements = "", []
+    order = ""
+    elements: list[_Element] = []
     for line in data[:end].decode("latin-1").splitlines():
         words = line.split()
         try:
@@ -155,7 +157,8 @@ class _Bytes(_Body):
         """All rows at once, where lists are as long as in the first one; else None."""
         if element.count == 0:
             return None
-        begin, fields = self._at, []
+        begin = self._at
+        fields: list[tuple[str, str, tuple[int, ...]]] = []
         for number, each in enumerate(element.properties):
             if each.counted_by is None:
                 fields.append((str(number), self._order + each.kind, ()))
