@@ -36,7 +36,7 @@ class _Property(NamedTuple):
 
 class _Element(NamedTuple):
     name: str
-    count: int
+    rows: int
     properties: list[_Property]
 
 
@@ -99,7 +99,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
             raise ValueError(f"its header has the line {line[:60]!r}, which is not understood") from error
     if order not in _ORDERS:
         raise ValueError(f"its format {order[:30]!r} is none of {', '.join(_ORDERS)}")
-    if any(not 0 <= each.count <= len(data) or not each.properties for each in elements):
+    if any(not 0 <= each.rows <= len(data) or not each.properties for each in elements):
         raise ValueError("an element has no properties, or more rows than the file has bytes: it may be cut off")
     return order, elements, start
 
@@ -109,7 +109,7 @@ class _Body:
 
     def columns(self, element: _Element) -> dict[str, Any]:
         """The values of each property: scalars [N], and of lists N sequences."""
-        rows = [[self._value(each) for each in element.properties] for _ in range(element.count)]
+        rows = [[self._value(each) for each in element.properties] for _ in range(element.rows)]
         values = zip(*rows, strict=True) if rows else ((),) * len(element.properties)
         return dict(zip((each.name for each in element.properties), values, strict=True))
 
@@ -155,7 +155,7 @@ class _Bytes(_Body):
 
     def _alike(self, element: _Element) -> dict[str, Any] | None:
         """All rows at once, where lists are as long as in the first one; else None."""
-        if element.count == 0:
+        if element.rows == 0:
             return None
         begin = self._at
         fields: list[tuple[str, str, tuple[int, ...]]] = []
@@ -169,13 +169,13 @@ class _Bytes(_Body):
                 fields.append((f"count {number}", self._order + each.counted_by, ()))
                 fields.append((str(number), self._order + each.kind, (count,)))
         self._at, layout = begin, np.dtype(fields)
-        if begin + element.count * layout.itemsize > len(self._data):
+        if begin + element.rows * layout.itemsize > len(self._data):
             return None
-        rows = np.frombuffer(self._data, layout, element.count, begin)
+        rows = np.frombuffer(self._data, layout, element.rows, begin)
         counts = [rows[name] for name in layout.names or () if name.startswith("count")]
         if any((count != count[0]).any() for count in counts):
             return None
-        self._at += element.count * layout.itemsize
+        self._at += element.rows * layout.itemsize
         return {each.name: rows[str(number)] for number, each in enumerate(element.properties)}
 
     def _take(self, kind: str, count: int) -> NDArray[Any]:
