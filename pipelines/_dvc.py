@@ -77,7 +77,7 @@ def put_aside_broken_lock(folder: Path) -> None:
     file, lock = folder / "dvc.lock", folder / ".dvc/tmp/lock"
     if not file.is_file() or not lock.is_file():  # no DVC ever ran here
         return
-    with lock.open() as held:
+    with lock.open(encoding="utf-8") as held:
         fcntl.flock(held, fcntl.LOCK_SH)  # another DVC may be writing it
         try:
             COMPILED_LOCKFILE_SCHEMA(read_yaml(file))

@@ -19,6 +19,7 @@ import numpy as np
 
 from pentimento.contracts.atomic import atomic_folder, atomic_write, check_place
 from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.output import escape_unknown_letters
 
 FAILED = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells count
@@ -74,6 +75,7 @@ def stage_main(main: Callable[[argparse.Namespace], None], parser: argparse.Argu
     """Run a stage from the command line and exit: 0 done, 1 failed, 2 usage, 130 interrupted."""
     signal.signal(signal.SIGTERM, _terminate)  # scratch is removed on SIGTERM as it is on Ctrl-C
     end_with_parent()
+    escape_unknown_letters()
     arguments = parser.parse_args()
     try:
         main(arguments)

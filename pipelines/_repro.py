@@ -121,7 +121,9 @@ def overlay(root: Path, profile: str) -> Path:
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(params, file)
     # The copy is no git repository. The cache is shared, so that a stage runs once for both.
-    (folder / ".dvc/config.local").write_text(f"[core]\n    no_scm = true\n[cache]\n    dir = {root / '.dvc/cache'}\n")
+    (folder / ".dvc/config.local").write_text(
+        f"[core]\n    no_scm = true\n[cache]\n    dir = {root / '.dvc/cache'}\n", encoding="utf-8"
+    )
     return folder
 
 
@@ -138,7 +140,7 @@ def _copy_changed(root: Path, folder: Path) -> None:
         raise PentimentoError(f"git cannot list the files of {root} ({listed.stderr.strip()}); run in a git clone.")
     files = [name for name in listed.stdout.split("\0") if name and name not in _OWN_FILES and (root / name).is_file()]
     manifest = folder / _MANIFEST
-    before = manifest.read_text().splitlines() if manifest.is_file() else []
+    before = manifest.read_text(encoding="utf-8").splitlines() if manifest.is_file() else []
     for name in set(before) - set(files):
         (folder / name).unlink(missing_ok=True)
     for name in files:
@@ -147,7 +149,7 @@ def _copy_changed(root: Path, folder: Path) -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, target)
     manifest.parent.mkdir(parents=True, exist_ok=True)
-    manifest.write_text("\n".join(files))
+    manifest.write_text("\n".join(files), encoding="utf-8")
 
 
 if __name__ == "__main__":

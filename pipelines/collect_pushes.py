@@ -59,7 +59,9 @@ def main(arguments: argparse.Namespace) -> None:
             origin = f"Measured: `{Path(source).name}`, {quarantined} rows quarantined."
         metrics = {"rows": table.num_rows, "quarantined": quarantined, **_figures(table)}
         write_shards(out, table, CONTRACT)
-        (out / "README.md").write_text(f"# Pushes into {material}\n\n{origin} {table.num_rows} rows.\n")
+        (out / "README.md").write_text(
+            f"# Pushes into {material}\n\n{origin} {table.num_rows} rows.\n", encoding="utf-8"
+        )
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
 

@@ -114,7 +114,9 @@ def main(arguments: argparse.Namespace) -> None:
                 table, origin = registered.table, f"{origin} {registered.sentence}"
         metrics["rows"] = table.num_rows
         write_shards(out, table, CONTRACT)
-        (out / "README.md").write_text(f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n")
+        (out / "README.md").write_text(
+            f"# Strokes of the {arguments.tool}\n\n{origin} {table.num_rows} rows.\n", encoding="utf-8"
+        )
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)
 

@@ -51,7 +51,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_bundle(out, models, config)
         bundle = open_bundle(out)  # a bundle that the runner would refuse fails here
         differences = check_deployed_clays(bundle, models, config.tolerance)
-        run.log_metrics(json.loads((out / "metrics.json").read_text()) | {"push_models": differences})
+        run.log_metrics(json.loads((out / "metrics.json").read_text(encoding="utf-8")) | {"push_models": differences})
         run.tag("manifest", hashlib.sha256((out / MANIFEST).read_bytes()).hexdigest())
 
 

@@ -154,7 +154,7 @@ class _Parts(NamedTuple):
 
 
 def _parts(strokes: MeasuredStrokes, held_out_actions: Path, config: TrainingConfig) -> _Parts:
-    held_out = torch.tensor(json.loads(held_out_actions.read_text()))
+    held_out = torch.tensor(json.loads(held_out_actions.read_text(encoding="utf-8")))
     action = strokes.samples.action
     known = torch.nonzero(~torch.isin(action, held_out)).flatten()
     if len(known) == len(action):

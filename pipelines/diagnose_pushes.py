@@ -59,7 +59,7 @@ def main(arguments: argparse.Namespace) -> None:
         found = write_push_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
         (samples, _), network = load_pushes(table), read_push_model(arguments.base)
         unseen = arguments.base / "held_out_actions.json"
-        held_out = np.array(json.loads(unseen.read_text()))
+        held_out = np.array(json.loads(unseen.read_text(encoding="utf-8")))
         if not np.isin(held_out, samples.action_id).any():
             raise ContractError(f"None of the actions in {unseen} is among the pushes: train the base on them.")
         predicted = averaged(predict(network, samples).numpy(), samples.pixels_per_m)

@@ -54,7 +54,9 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "strokes.png", sheet([points[n, :, 1:3] for n in shown]))
         write_png(out / "dropped.png", sheet_of_repaired(found.repaired))
         origin = "Recorded by people." if config.sources else "Made up by sigma-lognormal movements; nobody drew them."
-        (out / "README.md").write_text(f"# Demonstrations\n\n{origin} {found.table.num_rows} strokes.\n")
+        (out / "README.md").write_text(
+            f"# Demonstrations\n\n{origin} {found.table.num_rows} strokes.\n", encoding="utf-8"
+        )
         write_json(out / "metrics.json", found.counts)
         run.log_metrics(found.counts)
         for name in ("strokes.png", "dropped.png"):

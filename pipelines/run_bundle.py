@@ -108,10 +108,10 @@ def _perform(performance: Performance, seed: int, bundle: Path, paintings: Path,
         out.mkdir()
         for picture in PICTURES:
             shutil.copy(folder / picture, out / picture)
-        found: dict[str, Any] = json.loads((folder / "painting.json").read_text())
+        found: dict[str, Any] = json.loads((folder / "painting.json").read_text(encoding="utf-8"))
     metrics: dict[str, Any] = asdict(performance) | {"strokes": found["strokes"], "error": found["error"]}
     if performance.words is None:
-        own = json.loads((workshop / "metrics.json").read_text())
+        own = json.loads((workshop / "metrics.json").read_text(encoding="utf-8"))
         metrics["workshop"] = {"strokes": own["strokes"], "error": own["error"]["with_replanning"]}
     return metrics
 
@@ -130,7 +130,7 @@ def _carve(carving: Carving, seed: int, bundle: Path, out: Path) -> dict[str, An
         first, last = state.progress.heights_m[0], state.progress.heights_m[-1]
         for name, height in zip(HEIGHTS, (first, state.goal_m, last), strict=True):
             write_png(out / f"{name}.png", photograph(height, state.progress.scan.window_m))
-        found: dict[str, Any] = json.loads((folder / SUMMARY).read_text())
+        found: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     return asdict(carving) | found
 
 

@@ -122,7 +122,7 @@ def main(arguments: argparse.Namespace) -> None:
         card = dataset_card(
             arguments.setting, setting, config.threshold, metrics=metrics, scenes=scenes, scorer=encoder.digest
         )
-        (out / "README.md").write_text(card)
+        (out / "README.md").write_text(card, encoding="utf-8")
         write_png(out / "preview.png", preview(rows[:_SHOWN], files))
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)

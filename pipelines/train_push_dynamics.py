@@ -63,7 +63,7 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / "curve.json", {"epoch": list(range(len(curve))), "loss": curve})
         write_json(out / "held_out_actions.json", sorted(set(held_out.action_id.tolist())))
         write_png(out / "held_out.png", _picture(model, held_out))
-        run.log_metrics(json.loads((out / "metrics.json").read_text()))
+        run.log_metrics(json.loads((out / "metrics.json").read_text(encoding="utf-8")))
         run.log_items("held_out.model.window_l_3d_mm2", *_error_by_action(model, held_out))
         run.log_picture(out / "held_out.png")
 

@@ -48,7 +48,7 @@ def locked_stages(folder: Path) -> dict[str, Any]:
     lock = folder / ".dvc/tmp/lock"
     if not lock.is_file():  # no DVC ever ran here
         return _stages(file)
-    with lock.open() as held:
+    with lock.open(encoding="utf-8") as held:
         fcntl.flock(held, fcntl.LOCK_SH)
         return _stages(file)
 

@@ -260,7 +260,7 @@ def _continue_or_create(client: "MlflowClient", experiment: str, name: str, tags
     state = _state_file(name)
     if state.is_file():
         try:
-            unfinished = json.loads(state.read_text())
+            unfinished = json.loads(state.read_text(encoding="utf-8"))
             if unfinished["key"] == key:
                 client.update_run(unfinished["run_id"], status="RUNNING")
                 for tag, value in tags.items():  # the commit may differ by now

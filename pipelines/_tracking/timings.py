@@ -18,6 +18,6 @@ def write_timing(name: str, run_id: str, seconds: float) -> None:
     finished = time.strftime("%Y-%m-%d %H:%M:%S")
     timing = {"stage": name, "seconds": round(seconds, 2), "finished": finished, "run_id": run_id}
     atomic_write(TIMINGS / f"{name}.json", (json.dumps(timing, indent=2) + "\n").encode())
-    timings = [json.loads(file.read_text()) for file in TIMINGS.glob("*.json")]
+    timings = [json.loads(file.read_text(encoding="utf-8")) for file in TIMINGS.glob("*.json")]
     timings.sort(key=lambda each: (each["finished"], each["stage"]))
     atomic_write(TIMINGS / "index.html", render("timings.html", timings=timings).encode())

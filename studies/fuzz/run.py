@@ -19,7 +19,8 @@ import numpy as np
 
 from pentimento.contracts.errors import PentimentoError
 from studies.fuzz.mutate import mutated
-from studies.fuzz.targets import Target, targets
+from studies.fuzz.target import Target
+from studies.fuzz.targets import targets
 
 _SLOW_S = 20
 _CHUNK = 200

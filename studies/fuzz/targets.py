@@ -7,16 +7,18 @@ import hashlib
 import io
 import json
 import shutil
+import struct
 from collections.abc import Callable
 from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import trimesh
 
 from pentimento.bundle.onnx_header import read_header
 from pentimento.bundle.reader import open_bundle
@@ -41,21 +43,11 @@ from pentimento.studio.strokes.world import WORLDS, load_world
 from pipelines._config import load_section
 from pipelines.collect_strokes import CollectStrokes
 from studies.fuzz.mutate import mutated
+from studies.fuzz.recordings import recordings
+from studies.fuzz.target import Target, through_file
 
 ROOT = Path(__file__).resolve().parents[2]
 _SHEET_MM = (60, 40)
-
-
-class Target(NamedTuple):
-    """One reader."""
-
-    name: str
-    sound: tuple[bytes, ...]
-    """Files that it reads without complaint."""
-    attempt: Callable[[bytes], Any]
-    """Reads a file's bytes as the project would; raises where it refuses them."""
-    must_refuse: bool = False
-    """No altered byte may pass."""
 
 
 def targets(folder: Path, bundle: Path | None) -> list[Target]:
@@ -68,17 +60,10 @@ def targets(folder: Path, bundle: Path | None) -> list[Target]:
         *_records(folder),
         *_goals(folder),
         *_imports(folder),
+        *recordings(folder),
         *_datasets(folder / "datasets"),
         *([] if bundle is None else _bundles(folder, bundle)),
     ]
-
-
-def _through_file(path: Path, read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
-    def attempt(data: bytes) -> Any:
-        path.write_bytes(data)
-        return read(path)
-
-    return attempt
 
 
 def _tables(folder: Path) -> list[Target]:
@@ -89,8 +74,8 @@ def _tables(folder: Path) -> list[Target]:
         return load_pushes(read_table(path, pushes.CONTRACT).table)
 
     return [
-        Target("strokes.parquet", (_parquet(strokes),), _through_file(folder / "strokes.parquet", strokes_of)),
-        Target("pushes.parquet", (_parquet(pushes),), _through_file(folder / "pushes.parquet", pushes_of)),
+        Target("strokes.parquet", (_parquet(strokes),), through_file(folder / "strokes.parquet", strokes_of)),
+        Target("pushes.parquet", (_parquet(pushes),), through_file(folder / "pushes.parquet", pushes_of)),
         Target("values of strokes", (_parquet(strokes),), _poisoned(strokes, folder / "rows.parquet", strokes_of)),
         Target("values of pushes", (_parquet(pushes),), _poisoned(pushes, folder / "rows.parquet", pushes_of)),
     ]
@@ -145,7 +130,7 @@ def _pictures(folder: Path) -> list[Target]:
     jpeg = bytes(cv2.imencode(".jpg", rng.integers(0, 256, (12, 16, 3)).astype(np.uint8))[1].tobytes())
     return [
         Target("PNG in a table", (colour, heights), decode_png),
-        Target("picture file", (colour, jpeg), _through_file(folder / "picture", read_image)),
+        Target("picture file", (colour, jpeg), through_file(folder / "picture", read_image)),
     ]
 
 
@@ -167,15 +152,15 @@ def _settings(folder: Path) -> list[Target]:
     clay = ((WORLDS.parents[1] / "clay" / WORLDS.name / "foam.toml").read_bytes(),)
     params = (ROOT / "params.yaml").read_bytes().partition(b"\ntrain_stroke_dynamics")[0]
     return [
-        Target("params.yaml", (params,), _through_file(folder / "params.yaml", section)),
-        Target("tool", packaged("pentimento.robots", "tools"), _through_file(folder / "tool.toml", load_tool)),
-        Target("rig", packaged("pentimento.robots", "rigs"), _through_file(folder / "rig.toml", load_rig)),
+        Target("params.yaml", (params,), through_file(folder / "params.yaml", section)),
+        Target("tool", packaged("pentimento.robots", "tools"), through_file(folder / "tool.toml", load_tool)),
+        Target("rig", packaged("pentimento.robots", "rigs"), through_file(folder / "rig.toml", load_rig)),
         Target(
             "end-effector", packaged("pentimento.robots", "end_effectors"),
-            _through_file(folder / "end_effector.toml", load_end_effector),
+            through_file(folder / "end_effector.toml", load_end_effector),
         ),
-        Target("world", worlds, _through_file(folder / "world.toml", load_world)),
-        Target("clay world", clay, _through_file(folder / "clay.toml", load_clay_world)),
+        Target("world", worlds, through_file(folder / "world.toml", load_world)),
+        Target("clay world", clay, through_file(folder / "clay.toml", load_clay_world)),
     ]  # fmt: skip
 
 
@@ -187,8 +172,8 @@ def _records(folder: Path) -> list[Target]:
     write_plan(folder / "plan.jsonl", Plan(header, (PlannedStroke(path, np.zeros(3), dip=False),) * 2))
     model = json.dumps(asdict(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 0.001, 0.3, 0.9))).encode()
     return [
-        Target("plan", ((folder / "plan.jsonl").read_bytes(),), _through_file(folder / "altered.jsonl", read_plan)),
-        Target("stroke model", (model,), _through_file(folder / "parameters.json", read_parameters)),
+        Target("plan", ((folder / "plan.jsonl").read_bytes(),), through_file(folder / "altered.jsonl", read_plan)),
+        Target("stroke model", (model,), through_file(folder / "parameters.json", read_parameters)),
     ]
 
 
@@ -196,9 +181,21 @@ def _goals(folder: Path) -> list[Target]:
     written = io.BytesIO()
     np.save(written, np.random.default_rng(0).uniform(0, 0.01, (8, 8)), allow_pickle=False)
     mesh = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n"
+    ply = (
+        b"ply\nformat %s 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\n"
+    )
+    ply += b"property list uchar int vertex_indices\nend_header\n"
+    corners = np.array([(0, 0, 1), (2, 0, 1), (2, 1, 0), (0, 1, 0)], "<f4")
+    binary = corners.tobytes() + b"".join(struct.pack("<B3i", 3, *face) for face in ((0, 1, 2), (0, 2, 3)))
+    plain = b"0 0 1\n2 0 1\n2 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
+    plies = (ply % b"ascii" + plain, ply % b"binary_little_endian" + binary)
+    box = trimesh.creation.box()
+    stls = (box.export(file_type="stl"), box.export(file_type="stl_ascii").encode())
     return [
-        Target("height map", (written.getvalue(),), _through_file(folder / "relief.npy", height_file_relief)),
-        Target("mesh", (mesh,), _through_file(folder / "mesh.obj", lambda path: mesh_relief(path, 16))),
+        Target("PLY mesh", plies, through_file(folder / "mesh.ply", lambda path: mesh_relief(path, 16))),
+        Target("STL mesh", stls, through_file(folder / "mesh.stl", lambda path: mesh_relief(path, 16))),
+        Target("height map", (written.getvalue(),), through_file(folder / "relief.npy", height_file_relief)),
+        Target("mesh", (mesh,), through_file(folder / "mesh.obj", lambda path: mesh_relief(path, 16))),
     ]
 
 
@@ -228,7 +225,7 @@ def _imports(folder: Path) -> list[Target]:
             (photos / "a_after.png").write_bytes(paper)
 
     return [
-        Target("imported paths", (points.encode(),), _through_file(csv, from_paths)),
+        Target("imported paths", (points.encode(),), through_file(csv, from_paths)),
         Target("imported photograph", (paper,), from_photo),
     ]
 

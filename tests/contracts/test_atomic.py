@@ -1,11 +1,12 @@
 import errno
 import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pentimento.contracts.atomic import RECORD, atomic_folder, atomic_write, command_folder
+from pentimento.contracts.atomic import RECORD, atomic_folder, atomic_write, command_folder, command_page
 from pentimento.contracts.errors import ConfigError
 
 
@@ -169,3 +170,35 @@ def test_a_command_refuses_the_folder_in_which_it_runs(
     with pytest.raises(ConfigError, match="holds the folder in which you are"):
         write(Path(place), "text")
     assert names(tmp_path / "work") == ["sub"]
+
+
+def test_a_share_that_cannot_flush_folders_is_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """CIFS, shared folders of virtual machines and some FUSE file systems answer EINVAL."""
+    flush = os.fsync
+
+    def of_a_share(handle: int) -> None:
+        if stat.S_ISDIR(os.fstat(handle).st_mode):
+            raise OSError(errno.EINVAL, "Invalid argument")
+        flush(handle)
+
+    monkeypatch.setattr(os, "fsync", of_a_share)
+    atomic_write(tmp_path / "file", b"new")
+    with atomic_folder(tmp_path / "folder") as folder:
+        (folder / "part").write_bytes(b"new")
+    assert (tmp_path / "file").read_bytes() == (tmp_path / "folder/part").read_bytes() == b"new"
+
+
+def test_a_command_replaces_its_own_unchanged_page_only(tmp_path: Path) -> None:
+    page, command = tmp_path / "page.html", "pentimento replay"
+    command_page(page, "old", command)
+    command_page(page, "new", command)
+    assert page.read_bytes().startswith(b"new\n<!--")
+    for other in (b"<p>mine</p>", page.read_bytes().replace(b"new", b"mine"), b"", page.read_bytes() + b"more"):
+        page.write_bytes(other)
+        with pytest.raises(ConfigError, match="was not written by `pentimento replay`"):
+            command_page(page, "new", command)
+        assert page.read_bytes() == other
+    page.unlink()
+    command_page(page, "theirs", "pentimento card")
+    with pytest.raises(ConfigError, match="name a new file"):
+        command_page(page, "new", command)

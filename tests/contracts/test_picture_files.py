@@ -190,3 +190,17 @@ def test_a_file_that_was_cut_off_is_refused(kind: str) -> None:
     for length in (10, len(data) // 2):
         with pytest.raises(ImageError, match="not a readable image; it may be cut off"):
             decode_image(data[:length], "The picture")
+
+
+def test_a_picture_of_12_bits_in_16_is_refused() -> None:
+    numbers = np.linspace(0, 4095, 48).reshape(6, 8).astype(np.uint16)
+    with pytest.raises(ImageError, match="no value above 4095"):
+        read(Image.fromarray(numbers))
+    assert_array_equal(read(Image.fromarray(numbers * 16))[..., 0], np.rint(numbers * 16 / 257))
+    assert decode_deep(saved(Image.fromarray(numbers)), "Heights").max() == 4095
+
+
+def test_a_transparent_grey_of_16_bits_shows_paper() -> None:
+    numbers = np.array([[0, 65535], [257 * 100, 0]], np.uint16)
+    shown = read(Image.fromarray(numbers), transparency=0)
+    assert_array_equal(shown[..., 0], [[255, 255], [100, 255]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from PIL import Image
 
 from pentimento.contracts.errors import ImageError
 from pentimento.contracts.height_maps import encode_height_png
+from pentimento.contracts.images import read_image
 from pentimento.goals3d import mesh_files
 from pentimento.goals3d.sources import height_file_relief, mesh_relief, plain_relief, relief_of, top_of
 from pentimento.planning.pushes.goal import GoalError
@@ -159,17 +161,128 @@ def test_faces_of_an_obj_may_count_back_in_each_object(tmp_path: Path) -> None:
     np.testing.assert_array_equal(mesh_relief(tmp_path / "bom.obj", 4), [[2, 2, 1, 1]] * 2)
 
 
+def ply_of(vertices: list[tuple[float, float, float]], faces: list[list[int]], kind: str) -> bytes:
+    """A PLY whose vertices have a colour before their places, and whose faces have texture coordinates."""
+    header = (
+        f"ply\nformat {kind} 1.0\ncomment by hand\nelement vertex {len(vertices)}\nproperty uchar red\n"
+        "property float x\nproperty float y\nproperty double z\n"
+        f"element face {len(faces)}\nproperty list uchar float texcoord\nproperty list uint8 int vertex_index\n"
+        "end_header\n"
+    ).encode()
+    if kind == "ascii":
+        lines = [f"9 {x} {y} {z}" for x, y, z in vertices] + [f"2 0 1 {len(f)} {' '.join(map(str, f))}" for f in faces]
+        return (header.decode() + "\n".join(lines) + "\n").replace("\n", "\r\n").encode()
+    order = "<" if "little" in kind else ">"
+    body = b"".join(struct.pack(f"{order}Bffd", 9, *vertex) for vertex in vertices)
+    return header + body + b"".join(struct.pack(f"{order}BffB{len(f)}i", 2, 0.0, 1.0, len(f), *f) for f in faces)
+
+
 @pytest.mark.parametrize("start", range(6))
 @pytest.mark.parametrize("turn", [1, -1])
 def test_the_notch_of_a_polygon_stays_open(tmp_path: Path, start: int, turn: int) -> None:
     ell = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)]
     corners = (ell[start:] + ell[:start])[::turn]
+    square = ((-2, -2), (6, -2), (6, 6), (-2, 6))
     lines = [f"v {x} {y} 1" for x, y in corners] + ["f 1 2 3 4 5 6"]
-    lines += [f"v {x} {y} 0" for x, y in ((-2, -2), (6, -2), (6, 6), (-2, 6))] + ["f 7 8 9 10"]
+    lines += [f"v {x} {y} 0" for x, y in square] + ["f 7 8 9 10"]
     (tmp_path / "ell.obj").write_text("\n".join(lines))
     wanted = np.zeros((8, 8))
     wanted[2:6, 2] = wanted[5, 2:6] = 1
     np.testing.assert_array_equal(mesh_relief(tmp_path / "ell.obj", 8), wanted)
+    vertices = [(x, y, 1) for x, y in corners] + [(x, y, 0) for x, y in square]
+    for kind in ("ascii", "binary_little_endian", "binary_big_endian"):
+        (tmp_path / "ell.ply").write_bytes(ply_of(vertices, [list(range(6)), [6, 7, 8, 9]], kind))
+        np.testing.assert_array_equal(mesh_relief(tmp_path / "ell.ply", 8), wanted)
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_a_ply_that_is_not_whole_is_refused(tmp_path: Path, kind: str) -> None:
+    vertices = [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    whole = ply_of(vertices, [[0, 1, 2], [0, 2, 3]], kind)
+    (tmp_path / "mesh.ply").write_bytes(whole)
+    assert mesh_relief(tmp_path / "mesh.ply", 4).min() == 1
+    last = whole[:-2].rindex(b"\n") if kind == "ascii" else len(whole) - 22
+    for end in (last, len(whole) - 3, len(whole) // 2, 40):
+        (tmp_path / "mesh.ply").write_bytes(whole[:end])
+        with pytest.raises(GoalError, match=r"cut off|has no end"):
+            mesh_relief(tmp_path / "mesh.ply", 4)
+    for wrong, sentence in (([0, 1], "less than three corners"), ([0, 1, 4], "one that is no vertex")):
+        (tmp_path / "mesh.ply").write_bytes(ply_of(vertices, [[0, 1, 2], wrong], kind))
+        with pytest.raises(GoalError, match=sentence):
+            mesh_relief(tmp_path / "mesh.ply", 4)
+    (tmp_path / "mesh.ply").write_bytes(whole + b"1 2")
+    with pytest.raises(GoalError, match=r"more .* follow than its header tells"):
+        mesh_relief(tmp_path / "mesh.ply", 4)
+
+
+def test_a_ply_of_points_or_strips_is_refused(tmp_path: Path) -> None:
+    vertex = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header = f"ply\nformat ascii 1.0\n{vertex}{{}}end_header\n"
+    points = "0 0 0\n1 0 0\n0 1 0\n"
+    (tmp_path / "points.ply").write_text(header.format("") + points)
+    with pytest.raises(GoalError, match="has no faces"):
+        mesh_relief(tmp_path / "points.ply", 4)
+    strips = "element tristrips 1\nproperty list int int vertex_indices\n"
+    (tmp_path / "strips.ply").write_text(header.format(strips) + points + "3 0 1 2\n")
+    with pytest.raises(GoalError, match="its faces are strips of triangles; export plain triangles"):
+        mesh_relief(tmp_path / "strips.ply", 4)
+
+
+def test_an_obj_that_was_cut_off_between_its_lines_is_refused(tmp_path: Path) -> None:
+    vertices, faces = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n", ("f 1 2 3\n", "f 1 3 4\n")
+    (tmp_path / "cut.obj").write_text(vertices + faces[0])
+    with pytest.raises(GoalError, match="1 of its 4 vertices are in no face, so the file may be cut off"):
+        mesh_relief(tmp_path / "cut.obj", 4)
+    for comment in ("# 2 faces", "# Faces: 2", "#faces 2"):
+        (tmp_path / "cut.obj").write_text(f"{comment}\n{vertices}f 1 2 4\nl 3 2\n")
+        with pytest.raises(GoalError, match="its comments tell of 2 faces, and it has 1"):
+            mesh_relief(tmp_path / "cut.obj", 4)
+        (tmp_path / "whole.obj").write_text(f"{comment}\n# Vertices: 4\n{vertices}{''.join(faces)}")
+        assert mesh_relief(tmp_path / "whole.obj", 4).shape == (4, 4)
+
+
+def test_an_ascii_stl_that_was_cut_off_between_its_facets_is_refused(tmp_path: Path) -> None:
+    text = trimesh.creation.box().export(file_type="stl_ascii")
+    (tmp_path / "cut.stl").write_text(text[: text.index("endfacet", len(text) // 2) + len("endfacet")])
+    with pytest.raises(GoalError, match="has no faces"):
+        mesh_relief(tmp_path / "cut.stl", 8)
+
+
+def test_heights_that_a_geotiff_marks_as_not_measured_are_holes(tmp_path: Path) -> None:
+    heights = np.full((8, 8), 100.0, np.float32)
+    heights[3:5, 3:5] = 120
+    for mark, kind in (("-9999", np.float32), ("-3.4028234663852886e+38", np.float32), ("-32768", np.int16)):
+        holed = heights.astype(kind)
+        holed[0, :3] = np.float32(mark) if kind is np.float32 else kind(mark)
+        Image.fromarray(holed.astype(np.int32) if kind is np.int16 else holed).save(
+            tmp_path / "dem.tif", tiffinfo={42113: mark}
+        )
+        filled, count = height_file_relief(tmp_path / "dem.tif")
+        np.testing.assert_allclose(filled, heights, atol=0.1)  # filled from neighbours
+        assert count == 3
+
+
+def test_heights_that_count_from_white_are_turned(tmp_path: Path) -> None:
+    grey = np.linspace(0, 65535, 48).astype(np.uint16).reshape(6, 8)
+    (tmp_path / "grey.tif").write_bytes(white_is_zero(65535 - grey))
+    np.testing.assert_array_equal(height_file_relief(tmp_path / "grey.tif")[0], grey)
+    np.testing.assert_array_equal(read_image(tmp_path / "grey.tif")[..., 0], np.rint(grey / 257))
+
+
+def white_is_zero(stored: np.ndarray) -> bytes:
+    """A TIFF whose photometric interpretation is 0, from one that has 1."""
+    written = io.BytesIO()
+    Image.fromarray(stored).save(written, "TIFF")
+    photometric = struct.pack("<HHIHH", 262, 3, 1, 1, 0)
+    assert written.getvalue().count(photometric) == 1
+    return written.getvalue().replace(photometric, struct.pack("<HHIHH", 262, 3, 1, 0, 0))
+
+
+def test_an_archive_of_arrays_is_no_height_map(tmp_path: Path) -> None:
+    with (tmp_path / "map.npy").open("wb") as file:
+        np.savez(file, heights=RAMP)
+    with pytest.raises(GoalError, match="it is an archive of arrays"):
+        height_file_relief(tmp_path / "map.npy")
 
 
 @pytest.mark.parametrize(

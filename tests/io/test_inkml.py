@@ -8,6 +8,7 @@ import pytest
 from pentimento.cli.main import main
 from pentimento.contracts.errors import ContractError
 from pentimento.io.inkml import read_inkml
+from pentimento.io.pen_files import commanded
 from tests.io.pens import INKML, STEP_MS, STROKES_MM, assert_places, demonstrations, inkml, saved, traces
 
 DOWN = [1.0, -1.0]
@@ -209,3 +210,30 @@ def test_a_unit_is_given_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert main(command) == 1
     assert "has no unit of length of its channel X; give --units" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_the_unit_of_a_notebook_s_ink_is_known(tmp_path: Path) -> None:
+    """OneNote counts in himetric, hundredths of a millimetre."""
+    text = traces([stroke * DOWN * 100 for stroke in STROKES_MM])
+    assert_places(demonstrations(inkml(tmp_path, trace_format('units="himetric"') + text)), STROKES_MM)
+
+
+def test_forces_may_begin_below_zero(tmp_path: Path) -> None:
+    force = '<channel name="F" min="{}" max="32767"/>'
+    text = trace_format(more=force.format(-32768)) + "<trace>1 2 -32768,3 4 32767</trace>"
+    (stroke,) = read_inkml(inkml(tmp_path, text), None).strokes
+    np.testing.assert_allclose(stroke.points[:, 4], [0, 1])
+    for least, values in ((0, "1 2 -1,3 4 1"), (0, "1 2 0,3 4 65535")):
+        text = trace_format(more=force.format(least)) + f"<trace>{values}</trace>"
+        with pytest.raises(ContractError, match="forces below 0 or above its own largest"):
+            read_inkml(inkml(tmp_path, text), None)
+
+
+def test_an_empty_trace_is_counted_as_a_stroke_that_cannot_be_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = trace_format() + "<trace/>" + traces([stroke * DOWN for stroke in STROKES_MM])
+    assert_places(demonstrations(inkml(tmp_path, text)), STROKES_MM)
+    assert "Refused: 1 × it stays at one place (0)." in capsys.readouterr().out
+    (first, *_) = commanded(read_inkml(inkml(tmp_path, text), None), 1e-3, tmp_path)
+    assert first.fault == "it has fewer than 2 points"

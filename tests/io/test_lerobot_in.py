@@ -79,6 +79,19 @@ def test_uses_exactly_the_first_and_last_frames_of_a_video(tmp_path: Path) -> No
         np.testing.assert_allclose(reds, [corner(number, 0), corner(number, LENGTHS[number] - 1)], atol=4)
 
 
+def test_times_start_again_in_each_video_file(tmp_path: Path) -> None:
+    """A recorder begins a new file when one is full."""
+    whole = rows_of(publish(tmp_path / "lines", video=True), tmp_path / "whole")
+    film(tmp_path / "lines" / VIDEO, [0])
+    film(tmp_path / "lines" / VIDEO.replace("file-000", "file-001"), [1, 2])
+    episodes = tmp_path / "lines" / EPISODES
+    change_column(episodes, f"videos/{CAMERA}/file_index", pa.array([0, 1, 1]))
+    change_column(episodes, f"videos/{CAMERA}/from_timestamp", pa.array([0.0, 0.0, LENGTHS[1] / FPS]))
+    for row, wanted in zip(rows_of(tmp_path / "lines", tmp_path / "split"), whole, strict=True):
+        assert row["path"] == wanted["path"]
+        np.testing.assert_allclose(ink_centre_m(row), ink_centre_m(wanted), atol=2e-4)
+
+
 @pytest.mark.parametrize("plays", [FPS / 4, FPS / 2, FPS * 0.93, FPS * 1.07, 2 * FPS])
 def test_a_video_of_another_rate_than_the_table_gives_no_pictures(tmp_path: Path, plays: float) -> None:
     folder = publish(tmp_path / "lines", video=True)

@@ -179,3 +179,12 @@ def test_strokes_that_no_person_draws_and_dots_are_refused(tmp_path: Path, capsy
     dotted = inkml(tmp_path, MM.format("") + traces([FROM_TOP_MM[0], FROM_TOP_MM[0][:1]]))
     assert main(["import", str(dotted), "--hand", "ann", "--out", str(tmp_path / "out")]) == 0
     assert "Refused: 1 × it stays at one place (1)." in capsys.readouterr().out
+
+
+def test_implausible_times_are_refused_with_pictures_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Seconds in a channel without a unit, which usually holds milliseconds."""
+    text = MM.format('<channel name="T"/>') + "<trace>10 10 0.0,20 20 0.5</trace>"
+    photographs = ("--photos", str(tmp_path), "--scale", "5 px/mm", "--tool", "pen", "--press", "1 mm")
+    given = ["import", str(inkml(tmp_path, text)), *photographs, "--out", str(tmp_path / "out")]
+    assert main(given) == 1
+    assert "as no person draws; see that times are in seconds" in capsys.readouterr().err

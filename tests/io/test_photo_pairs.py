@@ -63,6 +63,15 @@ def test_finds_photographs_as_cameras_and_other_systems_name_them(tmp_path: Path
     assert imported.refused == {"there are several photographs after it": ["s2"]}
 
 
+def test_a_photograph_of_a_phone_s_own_format_is_named(tmp_path: Path) -> None:
+    paths = record(tmp_path, 2)
+    (tmp_path / "photos/s0_after.png").rename(tmp_path / "photos/s0_after.HEIC")
+    (tmp_path / "photos/s1_after.heic").write_bytes(b"beside the JPEG of the same shot")
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 1
+    assert imported.refused == {"the photograph after it is HEIC, which is not read: save it as JPEG or PNG": ["s0"]}
+
+
 def test_photographs_are_read_as_they_look(tmp_path: Path) -> None:
     """An EXIF orientation, transparent paper and colours of another profile give the rows of the plain photographs."""
     paths = record(tmp_path, 2)
@@ -150,6 +159,9 @@ def test_keeps_contract_columns_and_other_numbers_as_covariates(tmp_path: Path) 
         (["s0,0,30,20,-1,"], "fewer than 2 points"),
         (["s0,0,30,20,-1,", "s0,1,nan,20,-1,"], "NaN or infinite"),
         (["s0,0,30,20,-1,", "s0,1,abc,20,-1,"], "not all numbers"),
+        (["s0,0,30,20,-1,", 's0,1,"40,5",20,-1,'], "not all numbers"),
+        (["s0,0,30,20,-1,", "s0,1,40,20,−1,"], "not all numbers"),
+        (["s0,0,30,20,-1,", "s0,1,40,5,20,-1,"], "another number of fields"),
         (["s0,1,30,20,-1,", "s0,0,40,20,-1,"], "times run backwards"),
         (["s0,0,30,20,-1,", "s0,,40,20,-1,"], "times at some points only"),
         (["s0,0,30,20,-1,", "s0,1,400,20,-1,"], "leaves the photograph"),
@@ -181,11 +193,25 @@ def test_counts_unusable_stroke_and_imports_the_others(points: list[str], reason
     assert not (tmp_path / "none").exists()
 
 
+def test_two_recordings_one_behind_the_other_are_not_joined_to_one_stroke(tmp_path: Path) -> None:
+    """Each numbers its strokes from 0, and has no times."""
+    for number in range(2):
+        photograph(tmp_path / "photos", str(number), line_mm(number, 2))
+    names = ("0", "1", "0")
+    rows = [f"{name},{x},{y},-1" for at, name in enumerate(names) for x, y in line_mm(at, 2)]
+    paths = written(tmp_path, ["stroke,x_mm,y_mm,z_mm", *rows])
+    imported = import_photo_pairs(paths, tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert imported.rows == 1
+    assert imported.refused == {"its points stand at several places of the file": ["0"]}
+
+
 @pytest.mark.parametrize(
     ("header", "says"),
     [
         ("", "is empty"),
-        ("stroke,t_s,x,y,z", "no column x, y, z"),
+        ("stroke,t_s", "no column x, y, z"),
+        ("stroke,t_s,x,y,z", "column 'x' has no unit"),
+        ("stroke,x_mm,y_mm,z_mm,yaw", "column 'yaw' has no unit; name it with one, such as yaw_deg"),
         ("stroke,x_mm,y_mm,z_kg", "unusable unit"),
         ("stroke,x_mm,y_mm,z_mm,press_mm", "z and press"),
         ("stroke,x_mm,x_m,y_mm,z_mm", "x twice"),

@@ -9,12 +9,12 @@ import pytest
 from pentimento.cli.main import main
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
-from pentimento.contracts.markers import DICTIONARY
+from pentimento.contracts.markers import DICTIONARY, MarkerLayout
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.io.marker_views import read_markers
-from pentimento.io.stroke_rows import Placement
-from pentimento.io.stroke_videos import import_videos
+from pentimento.io.marker_views import read_markers, rectified
+from pentimento.io.stroke_rows import Placement, Refused
+from pentimento.io.stroke_videos import first_and_last, import_videos
 from tests.io.photographed import written
 
 WINDOW = "0 mm, 0 mm, 100 mm, 60 mm"
@@ -193,3 +193,43 @@ def test_options_that_do_not_fit_are_named(tmp_path: Path, capsys: pytest.Captur
     assert main([*common, "--tool", "quill", "--window", WINDOW, "--markers", str(markers(tmp_path))]) == 1
     assert "has 2 strokes, and" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_mirrored_pictures_are_refused() -> None:
+    """Of a front camera, or a file that was flipped: some markers look like others in a mirror."""
+    layout = MarkerLayout(tuple(MARKERS_MM), np.array(list(MARKERS_MM.values())) / 1000, SIDE_MM / 1000)
+    window_m = np.array(PLACE.window_m((0, 0)))
+    assert len(rectified([frame(True)], layout, window_m, one_camera=True)) == 1
+    for axis in (0, 1):
+        mirrored = np.ascontiguousarray(np.flip(frame(True), axis))
+        with pytest.raises(Refused, match="cannot be registered"):
+            rectified([mirrored], layout, window_m, one_camera=True)
+
+
+def test_a_video_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+    """Of a camera that writes its index first, as for streaming: players show the beginning of such a file."""
+    whole = film(tmp_path / "films/s0.mp4", [frame(False)] * 3 + [frame(True)] * 3)
+    streamed = index_first(whole.read_bytes())
+    whole.write_bytes(streamed)
+    before, after = first_and_last(whole)
+    assert np.abs(after.astype(int) - before).max() > 100
+    for end in (len(streamed) - 1, len(streamed) * 3 // 4):
+        whole.write_bytes(streamed[:end])
+        with pytest.raises(Refused, match=r"s0\.mp4 is cut off"):
+            first_and_last(whole)
+
+
+def index_first(mp4: bytes) -> bytes:
+    """The file with its box moov before mdat."""
+    boxes, at = {}, 0
+    while at < len(mp4):
+        size = int.from_bytes(mp4[at : at + 4])
+        boxes[mp4[at + 4 : at + 8]] = mp4[at : at + size]
+        at += size
+    index = bytearray(boxes[b"moov"])
+    table = index.index(b"stco") + 8
+    for entry in range(int.from_bytes(index[table : table + 4])):
+        place = slice(table + 4 + 4 * entry, table + 8 + 4 * entry)
+        index[place] = (int.from_bytes(index[place]) + len(index)).to_bytes(4)
+    rest = b"".join(box for name, box in boxes.items() if name not in (b"ftyp", b"moov"))
+    return boxes[b"ftyp"] + bytes(index) + rest

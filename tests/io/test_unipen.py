@@ -80,3 +80,17 @@ def test_a_malformed_file_is_one_sentence(
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
     assert main(["import", str(path), "--hand", "ann", "--units", "mm", "--out", str(tmp_path / "out")]) == 1
     assert "Traceback" not in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("between", "said"),
+    [
+        (".COMMENT a remark", "a point follows a keyword that is no .PEN_DOWN"),
+        (".PEN_UP\n.X_POINTS_PER_MM 10\n.PEN_DOWN", "the unit of length changes"),
+    ],
+)
+def test_points_are_neither_lost_nor_read_in_another_unit(tmp_path: Path, between: str, said: str) -> None:
+    """Two recordings one behind the other, and a remark within a stroke."""
+    path = saved(tmp_path / "a.unipen", f".COORD X Y\n{PER_MM}\n.PEN_DOWN\n100 200\n300 400\n{between}\n500 600\n")
+    with pytest.raises(ContractError, match=said):
+        read_unipen(path, None)

@@ -69,6 +69,9 @@ def test_channels_are_averaged() -> None:
 
 
 WHOLE = KINDS["16 bits"]
+AT = WHOLE.index(b"data") + 4
+STREAMED = WHOLE[:4] + b"\xff" * 4 + WHOLE[8:AT] + b"\xff" * 4 + WHOLE[AT + 4 :]
+"""As a pipe writes it, which knows no length."""
 NOISE = np.clip(np.random.default_rng(0).normal(0, 1, 8000), -1, 1).astype(np.float32)
 
 
@@ -82,14 +85,15 @@ NOISE = np.clip(np.random.default_rng(0).normal(0, 1, 8000), -1, 1).astype(np.fl
         (WHOLE[:1000], "no whole WAV file"),
         (WHOLE[:-1], "no whole WAV file"),
         (WHOLE[:20] + struct.pack("<H", 0x55) + WHOLE[22:], "no whole WAV file"),  # MP3 in a WAV file
+        (STREAMED, "no whole WAV file"),
         (wav(SINE[:100], RATE_HZ), "too short"),
         (wav(np.zeros(40 * 8000, np.int16), 8000), "at most 30 s"),
         (wav(tone(0.5, 16_000), 1_000_000), "1000000 samples in a second"),
         (wav(np.full(8000, np.nan, np.float32), RATE_HZ), "no numbers"),
         (wav(NOISE, RATE_HZ), "distorted"),
     ],
-    ids=["empty", "text", "picture", "header", "half", "one byte less", "compressed", "short", "long", "rate", "nan",
-         "clipped"],
+    ids=["empty", "text", "picture", "header", "half", "one byte less", "compressed", "streamed", "short", "long",
+         "rate", "nan", "clipped"],
 )  # fmt: skip
 def test_bad_files_are_one_sentence(content: bytes, says: str, tmp_path: Path) -> None:
     path = tmp_path / "wish.wav"

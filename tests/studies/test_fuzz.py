@@ -10,7 +10,8 @@ import pytest
 from pentimento.contracts.errors import ContractError, PentimentoError
 from studies.fuzz.mutate import mutated
 from studies.fuzz.run import Tally, _try
-from studies.fuzz.targets import Target, targets
+from studies.fuzz.target import Target
+from studies.fuzz.targets import targets
 from tests.bundle.tiny_bundle import write_tiny_bundle
 
 EACH = 12

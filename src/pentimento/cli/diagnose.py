@@ -59,7 +59,7 @@ def _diagnose_pushes(arguments: argparse.Namespace) -> None:
     write_push_diagnosis(
         checked.table, arguments.out, arguments.seed, log=_progress, outside=outside, left_out=_left_out(checked)
     )
-    print(json.loads((arguments.out / "verdict.json").read_text())["text"])
+    print(json.loads((arguments.out / "verdict.json").read_text(encoding="utf-8"))["text"])
     print(f"The report is {arguments.out / 'report.html'}.")
 
 
@@ -127,7 +127,7 @@ def _diagnose_strokes(arguments: argparse.Namespace) -> None:
             left_out=" ".join(notes) or None,
             given=given,
         )
-        print(json.loads((arguments.out / "verdict.json").read_text())["text"])
+        print(json.loads((arguments.out / "verdict.json").read_text(encoding="utf-8"))["text"])
         return found
 
     if arguments.collect:

@@ -8,12 +8,14 @@ from typing import Any
 
 from pentimento.cli import Command, diagnose, new, record, recordings, robot
 from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.output import escape_unknown_letters
 
 COMMANDS = (diagnose.COMMAND, *robot.COMMANDS, record.COMMAND, *recordings.COMMANDS, new.COMMAND)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a subcommand; return 0, or 1 with a sentence on stderr, or 130 after Ctrl-C."""
+    escape_unknown_letters()
     parser = argparse.ArgumentParser(prog="pentimento", description="Robots that learn their own brushes.")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:

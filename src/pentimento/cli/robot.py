@@ -179,11 +179,11 @@ def _studio(arguments: argparse.Namespace) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> None:
-    from pentimento.contracts.atomic import atomic_write
+    from pentimento.contracts.atomic import command_page
     from pentimento.control.replay import REPLAY, replay_page
 
     place = arguments.out or arguments.folder / REPLAY
-    atomic_write(place, replay_page(arguments.folder).encode())
+    command_page(place, replay_page(arguments.folder), "pentimento replay")
     print(f"The replay is {place}; open it in a browser.")
 
 

@@ -4,6 +4,7 @@ The new content is written under a hidden name in the same folder, flushed to th
 failure before the rename (an exception, a full disk, a killed process) leaves the old content.
 """
 
+import errno
 import hashlib
 import json
 import os
@@ -16,6 +17,8 @@ from typing import Final
 
 from pentimento.contracts.errors import ConfigError
 
+_CANNOT: Final = (errno.EINVAL, errno.ENOTSUP)
+"""Errors of file systems without the flush of a folder."""
 RECORD: Final = ".pentimento.json"
 """In a folder that a command wrote: the command, and a digest of each file."""
 
@@ -25,10 +28,13 @@ def _sibling(path: Path, ending: str) -> Path:
 
 
 def _sync(path: Path) -> None:
-    """Flush a file or a folder's entries to the disk."""
+    """Flush a file, or a folder's entries where the file system can: some shares and shared folders cannot."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
+    except OSError as error:
+        if error.errno not in _CANNOT or not path.is_dir():
+            raise
     finally:
         os.close(handle)
 
@@ -133,6 +139,30 @@ def check_replaceable(path: Path, command: str) -> None:
         raise ConfigError(
             f"{path} holds {other}, which {what}; it would be deleted. Name a new folder, or remove that one."
         )
+
+
+def command_page(path: Path, text: str, command: str) -> None:
+    """Write an HTML or Markdown file; replace a file only if the same command wrote it and nobody changed it.
+
+    A comment at its end names the command and holds a digest of what is before it.
+
+    Raises:
+        ConfigError: another file would be replaced.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise ConfigError(f"{path} is a folder; give the name of a new file.")
+    if path.exists():
+        old, mark, _ = path.read_bytes().rpartition(b"\n<!-- ")
+        if not mark or path.read_bytes() != _marked(old, command):
+            raise ConfigError(
+                f"{path} was not written by `{command}`, or was changed since, and would be replaced; name a new file."
+            )
+    atomic_write(path, _marked(text.encode(), command))
+
+
+def _marked(content: bytes, command: str) -> bytes:
+    return content + f"\n<!-- {command} {hashlib.sha256(content).hexdigest()} -->\n".encode()
 
 
 def check_place(path: Path) -> None:

@@ -10,7 +10,7 @@ import io
 import struct
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -28,6 +28,11 @@ PNG: Final = b"\x89PNG"
 _PLAIN: Final = ("1", "L", "P", "RGB", "LA", "PA", "RGBA", "YCbCr", "CMYK")
 _SIXTEEN: Final = ("I;16", "I;16B", "I;16L")
 _DEEP: Final = (*_SIXTEEN, "I", "F")
+_PHOTOMETRIC, _WHITE_IS_ZERO, _NO_DATA = 262, 0, 42113
+"""A TIFF's tag of how grey is counted, its value where 0 is white, and GDAL's tag of the height that means none."""
+_FARTHEST: Final = 1e30
+"""Height in any unit."""
+_TWELVE_BITS: Final = 4096
 _PAPER: Final = (255, 255, 255, 255)
 _GAMMA: Final = 1 / 2.2
 _PRIMARIES: Final = (0.3127, 0.329, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06)
@@ -71,7 +76,7 @@ def decode_picture(data: bytes, name: str, *, plain: bool = False) -> NDArray[np
             picture.load()
             upright = ImageOps.exif_transpose(picture)
         if upright.mode in _DEEP:
-            upright = Image.fromarray(np.rint(np.asarray(upright) / 257.0).astype(np.uint8))
+            upright = _of_8_bits(_deep(upright, picture), upright.info.get("transparency"), name)
         if "A" in upright.mode or "transparency" in upright.info:
             upright = upright.convert("RGBA")
             alpha = upright.getchannel("A")
@@ -90,6 +95,8 @@ def decode_picture(data: bytes, name: str, *, plain: bool = False) -> NDArray[np
 def decode_deep(data: bytes, name: str) -> NDArray[Any] | None:
     """The numbers [H, W] of a grey PNG or TIFF with 16 or more bits a pixel; None for any other picture.
 
+    NaN are the pixels that a GeoTIFF marks as not measured.
+
     Raises:
         PictureError: unreadable, too large, or with 16 bits of colour or transparency.
     """
@@ -105,7 +112,46 @@ def decode_deep(data: bytes, name: str) -> NDArray[Any] | None:
             return None
         with _damage(data, name):
             picture.load()
-            return np.array(picture)
+            return _without_no_data(_deep(picture, picture), picture)
+
+
+def _deep(pixels: Image.Image, file: Image.Image) -> NDArray[Any]:
+    """The numbers [H, W] of a grey picture of 16 or more bits; 0 is black also where a TIFF counts from white."""
+    numbers = np.array(pixels)
+    if _tags(file).get(_PHOTOMETRIC) != _WHITE_IS_ZERO:
+        return numbers
+    if pixels.mode not in _SIXTEEN:
+        raise ValueError("numbers that count from white have no largest one")
+    return 65535 - numbers
+
+
+def _of_8_bits(numbers: NDArray[Any], transparent: Any, name: str) -> Image.Image:
+    """A grey picture of 16 bits as 8 bits; ``transparent`` is the value that is seen through, or None."""
+    if 0 < numbers.max(initial=0) < _TWELVE_BITS:
+        raise PictureError(
+            name,
+            "12 bits in 16",
+            f"has 16 bits a pixel and no value above {_TWELVE_BITS - 1}, as cameras of 12 bits and less write, and "
+            "would be nearly black: stretch it to the whole range, or save it with 8 bits.",
+        )
+    grey = Image.fromarray(np.rint(numbers / 257.0).astype(np.uint8))
+    if transparent is not None:
+        grey.putalpha(Image.fromarray(np.where(numbers == transparent, 0, 255).astype(np.uint8)))
+    return grey
+
+
+def _without_no_data(numbers: NDArray[Any], file: Image.Image) -> NDArray[Any]:
+    """With NaN where a GeoTIFF says that nothing was measured, and for the largest numbers, which some use for it."""
+    found = np.zeros(numbers.shape, bool)
+    if (text := _tags(file).get(_NO_DATA)) is not None:
+        found = np.isclose(numbers, float(str(text).strip("\0 ")), rtol=1e-6, atol=0.0)
+    if numbers.dtype.kind == "f":
+        found |= np.abs(numbers) > _FARTHEST
+    return np.where(found, np.nan, numbers) if found.any() else numbers
+
+
+def _tags(file: Image.Image) -> Mapping[int, Any]:
+    return getattr(file, "tag_v2", {})
 
 
 @contextmanager

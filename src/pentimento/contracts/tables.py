@@ -60,7 +60,9 @@ def write_table(
     replacing = atomic_folder(Path(folder)) if command is None else command_folder(Path(folder), command)
     with replacing as temporary:
         _write_checked(temporary, checked)
-        (temporary / "README.md").write_text(f"{card.rstrip()}\n\n## Columns\n\n{columns_markdown(contract)}")
+        (temporary / "README.md").write_text(
+            f"{card.rstrip()}\n\n## Columns\n\n{columns_markdown(contract)}", encoding="utf-8"
+        )
 
 
 def write_shards(folder: Path, table: pa.Table, contract: TableContract) -> None:

@@ -146,7 +146,7 @@ def exclusive(folder: Path) -> Iterator[None]:
     Raises:
         ContractError: another process holds the lock.
     """
-    with (Path(folder) / _NAME).open() as file:
+    with (Path(folder) / _NAME).open(encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

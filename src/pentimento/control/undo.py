@@ -66,7 +66,7 @@ def take_back(folder: Path) -> PaintingState:
     """Bring journal, recording and checkpoint back to before the last batch. No robot may be open on the journal."""
     now = load_state(folder)
     number, kept = max((number, kept) for number, kept in _kept(folder) if number < now.executed)
-    journal_bytes, shard = (int(value) for value in (kept / _END).read_text().split())
+    journal_bytes, shard = (int(value) for value in (kept / _END).read_text(encoding="utf-8").split())
     with (folder / JOURNAL).open("r+b") as journal:
         journal.truncate(journal_bytes)
         os.fsync(journal.fileno())

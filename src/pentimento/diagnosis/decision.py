@@ -62,6 +62,6 @@ class Decision:
 
 def default_decision(kind: str) -> Decision:
     """The decision that ships with the package, for a kind of actions (``Problem.kind``)."""
-    sets = json.loads((resources.files("pentimento.diagnosis") / "decision.json").read_text())
+    sets = json.loads((resources.files("pentimento.diagnosis") / "decision.json").read_text(encoding="utf-8"))
     stored = sets.get(kind, sets["others"])
     return Decision(stored["intercept"], np.array([stored["weights"][name] for name in FEATURES]))

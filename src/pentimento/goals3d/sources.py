@@ -156,6 +156,8 @@ def height_file_relief(path: Path) -> tuple[FloatArray, int]:
     try:
         if path.suffix.lower() == ".npy":
             heights = np.load(path, allow_pickle=False)
+            if not isinstance(heights, np.ndarray):
+                raise ValueError("it is an archive of arrays, .npz")
         else:
             heights = decode_deep(path.read_bytes(), "It")
             if heights is None:

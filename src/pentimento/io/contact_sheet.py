@@ -116,5 +116,7 @@ def write_with_sheet(
     """
     with command_folder(out, COMMAND) as folder:
         write_shards(folder, table, contract)
-        (folder / "README.md").write_text(f"{card.rstrip()}\n\n## Columns\n\n{columns_markdown(contract)}")
+        (folder / "README.md").write_text(
+            f"{card.rstrip()}\n\n## Columns\n\n{columns_markdown(contract)}", encoding="utf-8"
+        )
         (folder / SHEET).write_bytes(encode_png(contact_sheet(shown(table))))

@@ -28,7 +28,15 @@ FloatArray = NDArray[np.float64]
 
 _NAMESPACE: Final = "{http://www.w3.org/2003/InkML}"
 _ID: Final = "{http://www.w3.org/XML/1998/namespace}id"
-_LENGTHS_M: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6}
+_LENGTHS_M: Final = {
+    "m": 1.0,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "in": 0.0254,
+    "pt": 0.0254 / 72,
+    "pc": 0.0254 / 6,
+    "himetric": 1e-5,
+}
 _TIMES_S: Final = {"s": 1.0, "ms": 1e-3}
 _ANGLES_RAD: Final = {"deg": np.pi / 180, "rad": 1.0}
 _STILL: Final = ("identity", "unknown", "")
@@ -64,12 +72,13 @@ def read_inkml(path: Path, unit_m: float | None) -> PenFile:
         raise ContractError(f"{path} holds <{root.tag[:60]}> and no <ink>; export the recording as InkML.")
     try:
         strokes, forces, assumed = _Ink(root, unit_m, path).strokes()
+        assumed += with_pressures(strokes, forces)
     except (ValueError, RecursionError) as error:
         reason = "its elements lie too deep in each other" if isinstance(error, RecursionError) else str(error)
         raise ContractError(f"{path}: {reason}. Correct it, or export the recording again.") from error
     if not strokes:
         raise ContractError(f"{path} holds no <trace> with the pen down; record some strokes.")
-    return PenFile(strokes, True, [*assumed, *with_pressures(strokes, forces)])
+    return PenFile(strokes, True, assumed)
 
 
 class _Ink:
@@ -164,9 +173,11 @@ class _Ink:
                 about[f"tilt_{name[-1]}_rad"] = float(np.nanmean(columns[name]) * factor)
         if "F" not in columns:
             return points, about, np.nan
-        points[:, 4] = columns["F"]
+        least = _number(by_name["F"].get("min", "0"), "the channel F's min")
+        points[:, 4] = columns["F"] - least
         percent = by_name["F"].get("units") == "%"
-        return points, about, 100.0 if percent else _number(by_name["F"].get("max", "nan"), "the channel F's max")
+        full = 100.0 if percent else _number(by_name["F"].get("max", "nan"), "the channel F's max")
+        return points, about, full - least
 
     def _length_m(self, channel: Element, context: _Context) -> float:
         """Metres of the unit of a channel, with the sign of its orientation."""

@@ -6,10 +6,11 @@ from its beginning, because seeking is not exact; only two pictures of each epis
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, BinaryIO, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -69,11 +70,13 @@ def opened_video(file: Path) -> Iterator[Any]:
     """An MP4 file as OpenCV's capture, which has grabbed its first picture.
 
     Raises:
-        Refused: it is none, or this OpenCV cannot decode it.
+        Refused: it is none, it is cut off, or this OpenCV cannot decode it.
     """
     with file.open("rb") as opened:
         if opened.read(8)[4:] != _MP4:
             raise Refused(f"its file {file.name} is no MP4 video")
+        if not _is_whole(opened):
+            raise Refused(f"its file {file.name} is cut off; copy it again")
     capture = cv2.VideoCapture(str(file.absolute()), cv2.CAP_FFMPEG)  # absolute: no name then begins with a protocol
     try:
         if not (capture.isOpened() and capture.grab()):
@@ -84,6 +87,20 @@ def opened_video(file: Path) -> Iterator[Any]:
         yield capture
     finally:
         capture.release()
+
+
+def _is_whole(file: BinaryIO) -> bool:
+    """Whether the boxes of an MP4 file end where it ends; players show what is there of one that was cut off."""
+    end, at = file.seek(0, os.SEEK_END), 0
+    while at + 8 <= end:
+        file.seek(at)
+        head = file.read(16)
+        size = int.from_bytes(head[:4])
+        size = int.from_bytes(head[8:16]) if size == 1 else size or end - at
+        if size < 8:
+            return False
+        at += size
+    return at == end
 
 
 class Span(NamedTuple):

@@ -37,7 +37,7 @@ def read_pen(path: Path, unit_m: float | None, y_down: bool | None) -> PenFile:
         y_down: whether y grows downwards; None: as the format has it.
 
     Raises:
-        ContractError: the file does not follow its format.
+        ContractError: the file does not follow its format, or its times or lengths cannot be those of a pen.
         ConfigError: its unit is unknown, or known twice.
     """
     why, read = {
@@ -47,6 +47,7 @@ def read_pen(path: Path, unit_m: float | None, y_down: bool | None) -> PenFile:
     found = read(path, unit_m)
     if any((np.abs(stroke.points[:, XY]) > _FARTHEST_M).any() for stroke in found.strokes):
         raise ContractError(f"{path} has points more than {_FARTHEST_M:g} m from its origin; check its unit of length.")
+    plausible(path, [Recording("", "", stroke.points) for stroke in found.strokes])
     if y_down is not None:
         return found._replace(y_down=y_down)
     way, other = ("down: flipped", "--y-up") if found.y_down else ("up", "--y-down")
@@ -86,7 +87,7 @@ def commanded(pen: PenFile, press_m: float | None, path: Path) -> list[RecordedP
         points = stroke.points
         pressure = np.where(np.isfinite(points[:, 4]), points[:, 4], 1.0)
         z = points[:, 3] if press_m is None else -press_m * pressure
-        column = np.column_stack([points[:, 0] - points[0, 0], points[:, XY], z, np.zeros(len(points))])
+        column = np.column_stack([points[:, 0] - points[:1, 0].sum(), points[:, XY], z, np.zeros(len(points))])
         paths.append(RecordedPath(str(number), column, stroke.about, path_fault(column)))
     return paths
 
@@ -95,18 +96,18 @@ def import_demonstrations(path: Path, pen: PenFile, hand: str, out: Path) -> Imp
     """Write the folder ``out`` as shards of the demonstrations contract; points stay where they were recorded.
 
     Raises:
-        ContractError: no stroke can be used, or no person draws at such speeds; nothing is written.
+        ContractError: no stroke can be used; nothing is written.
         ConfigError: ``out`` holds what this command did not write.
     """
     check_replaceable(out, COMMAND)
     up = [1.0, 1.0, -1.0 if pen.y_down else 1.0, 1.0, 1.0]
-    strokes = plausible(path, [Recording(path.stem, hand, stroke.points * up) for stroke in pen.strokes])
+    strokes = [Recording(path.stem, hand, stroke.points * up) for stroke in pen.strokes]
     rows: list[dict[str, Any]] = []
     shown: list[FloatArray] = []
     refused: dict[str, list[str]] = {}
     for number, stroke in enumerate(strokes):
         points = stroke.points.copy()
-        points[:, 0] -= points[0, 0]
+        points[:, 0] -= points[:1, 0].sum()
         if (fault := _fault(points)) is not None:
             refused.setdefault(fault, []).append(str(number))
             continue

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+
+
+_FULL: Final = 1.0 + 1e-6
+"""Pressure, up to rounding."""
 
 
 class PenStroke(NamedTuple):
@@ -34,6 +38,9 @@ def with_pressures(strokes: list[PenStroke], full: list[float]) -> list[str]:
     """Divide forces by those at full pressure [strokes], NaN where a stroke's file has none: then by the largest force.
 
     Pressures are written into the strokes' points. Returns a sentence where the largest force was assumed to be full.
+
+    Raises:
+        ValueError: a pressure is below 0 or above 1.
     """
     unknown = [stroke for stroke, limit in zip(strokes, full, strict=True) if np.isnan(limit)]
     forces = [force[np.isfinite(force)] for force in (stroke.points[:, 4] for stroke in unknown)]
@@ -41,6 +48,8 @@ def with_pressures(strokes: list[PenStroke], full: list[float]) -> list[str]:
     for stroke, limit in zip(strokes, full, strict=True):
         divisor = largest if np.isnan(limit) else limit
         stroke.points[:, 4] = stroke.points[:, 4] / divisor if divisor > 0 else np.nan
+        if (stroke.points[:, 4] < 0).any() or (stroke.points[:, 4] > _FULL).any():
+            raise ValueError("it has forces below 0 or above its own largest one")
     if largest <= 0:
         return []
     return [f"Full pressure is not given: the largest force in the file, {largest:g}, counts as 1."]

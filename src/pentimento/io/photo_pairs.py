@@ -14,9 +14,11 @@ and any other number, which becomes a covariate.
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -82,6 +84,8 @@ def read_paths(path: Path) -> list[RecordedPath]:
     strokes = {
         name: _recorded(name, rows, header, numbers, others) for name, rows in _by_stroke(lines[1:], stroke).items()
     }
+    for name in _torn(lines[1:], stroke):
+        strokes[name] = strokes[name]._replace(fault="its points stand at several places of the file")
     if not strokes:
         raise ContractError(f"{path} has a header and no points; record some strokes.")
     return list(strokes.values())
@@ -95,6 +99,10 @@ def _is_index(name: str, at: int, lines: list[list[str]]) -> bool:
 
 def _number_columns(header: list[str], path: Path) -> dict[str, _Column]:
     columns: dict[str, _Column] = {}
+    bare = [name for name in header if name in _SI]
+    if bare:
+        unit = {"s": "s", "m": "mm", "rad": "deg"}[_SI[bare[0]]]
+        raise ContractError(f"{path}: column {bare[0]!r} has no unit; name it with one, such as {bare[0]}_{unit}.")
     for at, name in enumerate(header):
         quantity, _, unit = name.partition("_")
         if quantity not in _SI or not unit or "_" in unit:
@@ -129,6 +137,13 @@ def _by_stroke(lines: list[list[str]], stroke: int) -> dict[str, list[list[str]]
         if line:
             found.setdefault(line[stroke].strip() if stroke < len(line) else "", []).append(line)
     return found
+
+
+def _torn(lines: list[list[str]], stroke: int) -> set[str]:
+    """Names of strokes that begin again after others: of another recording that was put behind this one."""
+    names = [line[stroke].strip() for line in lines if stroke < len(line)]
+    begun = [name for name, _ in itertools.groupby(names)]
+    return {name for name, count in Counter(begun).items() if count > 1}
 
 
 def _recorded(
@@ -282,6 +297,8 @@ def import_strokes(
 
 
 _ENDINGS: Final = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+_NOT_READ: Final = (".heic", ".heif", ".dng", ".cr2", ".cr3", ".nef", ".arw")
+"""Endings of photographs as phones and cameras write them, for which there is no reader."""
 
 
 def _by_stem(folder: Path) -> dict[str, list[Path]]:
@@ -292,7 +309,7 @@ def _by_stem(folder: Path) -> dict[str, list[Path]]:
     """
     found: dict[str, list[Path]] = {}
     for file in sorted(folder.iterdir()) if folder.is_dir() else []:
-        if file.suffix.lower() in _ENDINGS and file.is_file():
+        if file.suffix.lower() in (*_ENDINGS, *_NOT_READ) and file.is_file():
             found.setdefault(unicodedata.normalize("NFC", file.stem), []).append(file)
     return found
 
@@ -300,6 +317,11 @@ def _by_stem(folder: Path) -> dict[str, list[Path]]:
 def _photo(photographs: dict[str, list[Path]], stem: str) -> NDArray[np.uint8]:
     found = photographs.get(unicodedata.normalize("NFC", stem), [])
     when = "before" if stem.endswith("_before") else "after"
+    readable = [file for file in found if file.suffix.lower() in _ENDINGS]
+    if found and not readable:
+        kind = found[0].suffix[1:].upper()
+        raise Refused(f"the photograph {when} it is {kind}, which is not read: save it as JPEG or PNG")
+    found = readable
     if not found:
         raise Refused(f"there is no photograph {when} it")
     if len(found) > 1:

@@ -54,6 +54,8 @@ class _Reader:
             self._keyword(words[0].upper(), words[1:])
         elif self._is_down is not None:
             self._points(words)
+        elif self.components and self._is_point(words):
+            raise self.wrong("a point follows a keyword that is no .PEN_DOWN; begin its component with .PEN_DOWN")
 
     def _keyword(self, keyword: str, given: list[str]) -> None:
         self._is_down = {".PEN_DOWN": True, ".PEN_UP": False}.get(keyword)
@@ -65,13 +67,24 @@ class _Reader:
             raise self.wrong("another file is included; import that one, or put its lines here")
         elif keyword in _NUMBERS:
             axis, length_m = _NUMBERS[keyword]
-            self.unit_m[axis] = length_m / self._positive(keyword, given)
+            unit_m = length_m / self._positive(keyword, given)
+            if self.components and not np.isclose(self.unit_m.get(axis, unit_m), unit_m, rtol=1e-6):
+                raise self.wrong("the unit of length changes; put the recordings into files of their own")
+            self.unit_m[axis] = unit_m
         elif keyword == _RATE:
             self._rate_hz = self._positive(keyword, given)
         elif keyword == ".PEN_DOWN":
             self.components.append([])
         if self._is_down is not None and given:  # points may begin on the line of the keyword
             self._points(given)
+
+    def _is_point(self, words: list[str]) -> bool:
+        if len(words) != len(self._names):
+            return False
+        try:
+            return bool(np.isfinite(np.array(words, dtype=np.float64)).all())
+        except ValueError:
+            return False
 
     def _positive(self, keyword: str, given: list[str]) -> float:
         try:
@@ -129,4 +142,7 @@ def read_unipen(path: Path, unit_m: float | None) -> PenFile:
         )
     for stroke in strokes:
         stroke.points[:, 1:3] *= [x_m, y_m]
-    return PenFile(strokes, False, with_pressures(strokes, [np.nan] * len(strokes)))
+    try:
+        return PenFile(strokes, False, with_pressures(strokes, [np.nan] * len(strokes)))
+    except ValueError as error:
+        raise ContractError(f"{path}: {error}. Correct it, or export the recording again.") from error

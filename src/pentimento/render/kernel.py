@@ -227,7 +227,7 @@ def _check_memory(reach: list[Array], canvas: Array) -> None:
 def _free_bytes() -> int:
     """Available memory. On Linux it includes the file cache that the system can release."""
     try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
+        lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
         lines = []
     available = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]

@@ -1,5 +1,7 @@
 """Covariates and paints of measured strokes."""
 
+from decimal import Decimal
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -44,6 +46,17 @@ def test_keeps_mostly_missing_and_meaningful_nan() -> None:
     found = covariates_of(recorded(humidity=seldom, wet_age_s=blank))
     assert np.isnan(found["humidity"]).sum() == np.isnan(seldom).sum()
     assert np.isnan(found["wet_age_s"]).sum() == 1
+
+
+def test_numbers_of_every_kind_are_covariates() -> None:
+    """Nanoseconds of a clock, which a float rounds, and decimals of a database."""
+    table = recorded()
+    order = table["order"].to_numpy()
+    clock = 1_700_000_000_000_000_001 + 10**9 * order.astype(np.int64)
+    humidity = pa.array([Decimal(int(k)) / 4 for k in order])
+    found = covariates_of(table.append_column("stamp_ns", pa.array(clock)).append_column("humidity", humidity))
+    np.testing.assert_allclose(found["stamp_ns"] - found["stamp_ns"].min(), 1e9 * order, rtol=1e-6)
+    np.testing.assert_array_equal(found["humidity"], order / 4)
 
 
 def test_colour_is_a_separate_paint_in_sessions_with_enough_blocks() -> None:

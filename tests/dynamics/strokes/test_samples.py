@@ -100,6 +100,13 @@ def test_a_bend_gets_the_points_that_a_straight_line_does_not_need() -> None:
     np.testing.assert_array_equal(resample_path(path[:200], 24, 5e-5), resample_path(path[:200], 24))
 
 
+def test_a_yaw_that_passes_half_a_turn_does_not_turn_back_through_zero() -> None:
+    path = np.zeros((2, 5))
+    path[:, 1], path[:, 4] = [0.0, 0.01], np.deg2rad([179, -179])
+    between = resample_path(path, 5)[:, 4]
+    np.testing.assert_allclose(np.rad2deg(between) % 360, [179, 179.5, 180, 180.5, 181])
+
+
 def test_a_path_that_does_not_move_keeps_its_press() -> None:
     path = np.zeros((3, 5))
     path[:, 3] = [-1e-3, -2e-3, -3e-3]

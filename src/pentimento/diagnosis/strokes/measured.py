@@ -32,6 +32,7 @@ _FEWEST_BLOCKS = 12
 """With fewer loads of paint, each action is its own block."""
 _FEWEST_OF_A_MIX = 8  # blocks
 _NOT_COVARIATES = ("action_id",)
+_NUMERIC = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
 _FEW_MISSING = 0.1
 """Share of rows up to which missing covariate values are interpolated."""
 _RESTARTING_WITH_EACH_LOAD = ("since_reload", "ink_since_reload_m")
@@ -184,8 +185,9 @@ def covariates_of(table: pa.Table) -> dict[str, Array]:
     for field in table.schema:
         if field.name in _NOT_COVARIATES or (field.name.endswith("_id") and field.name != "surface_id"):
             continue
-        if pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
-            column = table[field.name].cast(pa.float64()).to_numpy(zero_copy_only=False)
+        if any(is_kind(field.type) for is_kind in _NUMERIC):
+            # Whole numbers that a float rounds, such as nanoseconds of a clock, are covariates, too.
+            column = table[field.name].cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             if np.isfinite(column).any():
                 within = load if field.name in _RESTARTING_WITH_EACH_LOAD else session
                 found[field.name] = _few_filled(field.name, np.array(column, dtype=np.float64), order, within)

@@ -75,7 +75,7 @@ class PushModel(torch.nn.Module):
 def write_push_model(model: PushModel, folder: Path) -> None:
     """Write ``config.json`` and ``weights.safetensors`` into an existing folder."""
     config = {"schema": _SCHEMA, **asdict(model.facts)}
-    (folder / "config.json").write_text(json.dumps(config, indent=1, sort_keys=True) + "\n")
+    (folder / "config.json").write_text(json.dumps(config, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     save_file({name: value.contiguous() for name, value in model.state_dict().items()}, folder / "weights.safetensors")
 
 
@@ -86,7 +86,7 @@ def read_push_model(folder: Path) -> PushModel:
         ConfigError: a file is missing or invalid.
     """
     try:
-        config = json.loads((folder / "config.json").read_text())
+        config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
         weights = load_file(folder / "weights.safetensors")
         if config.pop("schema") != _SCHEMA:
             raise ValueError("another schema")

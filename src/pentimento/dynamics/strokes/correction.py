@@ -209,7 +209,7 @@ def read_correction(path: Path) -> MarkCorrection | None:
         ContractError: the file is missing or does not hold a correction.
     """
     try:
-        stored = json.loads(path.read_text())
+        stored = json.loads(path.read_text(encoding="utf-8"))
         return None if stored is None else correction_of(from_plain(CorrectionParameters, stored, "the file"))
     except (OSError, ValueError, ContractError) as error:
         raise ContractError(

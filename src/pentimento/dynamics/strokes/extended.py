@@ -200,7 +200,7 @@ def read_stroke_model(folder: Path) -> StrokeModel:
     """
     parameters, path = read_parameters(folder / "parameters.json"), folder / "mechanisms.json"
     try:
-        stored = from_plain(_StoredExtension, json.loads(path.read_text()), "the file")
+        stored = from_plain(_StoredExtension, json.loads(path.read_text(encoding="utf-8")), "the file")
         mechanisms = tuple(map(_mechanism, stored.mechanisms))
     except (OSError, ValueError, ContractError) as error:
         raise ContractError(

@@ -147,7 +147,8 @@ def resample_path(path: Array, points: int, tolerance_m: float = math.inf) -> Ar
     if along[-1] <= 0:
         along = np.arange(len(path), dtype=float)
     at = np.linspace(0, along[-1], points)
-    even = np.stack([np.interp(at, along, column) for column in path.T], axis=1)
+    columns = [*path[:, :4].T, np.unwrap(path[:, 4])]  # a yaw may jump from half a turn to minus half a turn
+    even = np.stack([np.interp(at, along, column) for column in columns], axis=1)
     if _distance_m(path[:, 1:3], even[:, 1:3]) <= tolerance_m:
         return even
     fine = resample_path(path, _FINE * points)

@@ -97,7 +97,7 @@ def read_parameters(path: Path) -> Traj2StrokeParameters:
         ContractError: the file is missing or does not hold these parameters as numbers in their ranges.
     """
     try:
-        parameters = from_plain(Traj2StrokeParameters, json.loads(path.read_text()), "the file")
+        parameters = from_plain(Traj2StrokeParameters, json.loads(path.read_text(encoding="utf-8")), "the file")
         if not (parameters.thickness_per_press >= 0 and parameters.softness >= 0 and 0 <= parameters.opacity <= 1):
             raise ValueError("thickness_per_press and softness are 0 or more, opacity lies in [0, 1]")
     except (OSError, ValueError, ContractError) as error:
