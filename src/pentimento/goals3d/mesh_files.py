@@ -55,10 +55,12 @@ def _read_stl(path: Path) -> tuple[FloatArray, NDArray[np.int64]]:
     if facets >= 0 and facets == count * _FACET.itemsize:
         corners = np.frombuffer(data, _FACET, count, _HEADER_BYTES + 4)["corners"].reshape(-1, 3)
     elif data.lstrip()[:5].lower() == b"solid" and b"facet" in data:
-        rows = [line.split() for line in data.decode("utf-8", "replace").splitlines()]
+        rows = [line.split() for line in data.decode("utf-8", "replace").splitlines() if line.strip()]
         numbers = [[float(word) for word in row[1:4]] for row in rows if row[:1] == ["vertex"]]
         if any(len(row) != 3 for row in numbers) or len(numbers) % 3:
             raise ValueError("a facet has not three corners of three numbers; the file may be cut off")
+        if not any(row[:1] == ["endsolid"] for row in rows[-3:]):
+            raise ValueError("it does not end with 'endsolid'; it is cut off")
         corners = np.array(numbers).reshape(-1, 3)
     else:
         raise ValueError(
