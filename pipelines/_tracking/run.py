@@ -12,6 +12,7 @@ import json
 import os
 import posixpath
 import re
+import resource
 import subprocess
 import sys
 import time
@@ -50,6 +51,8 @@ _LOCK = UNFINISHED.parent / "begin.lock"
 _FLUSH_AT = 200  # metrics; one transaction each would cost 10 ms
 _PARAMS_A_BATCH = 100  # MLflow's limit
 _PARAM_LENGTH = 6000  # MLflow's limit
+SYSTEM = "system/"
+"""Prefix of metrics that MLflow shows among its system metrics."""
 
 
 _NAME_LENGTH = 250  # MLflow's limit
@@ -118,9 +121,18 @@ class Run:
         """Set a tag of the run."""
         self._client.set_tag(self.id, stored_name(name), value)
 
-    def log_picture(self, path: Path) -> None:
-        """Keep a copy of a picture with the run."""
-        self._client.log_artifact(self.id, str(path), "pictures")
+    def log_picture(self, path: Path, group: str = "", step: int = 0) -> None:
+        """Keep a picture with the run: a copy in `pictures/`, and an entry of MLflow's image grid.
+
+        Pictures of several runs meet in the grid by their key, which is the name of the file without its suffix, after
+        `group/` where the run has pictures of the same name for several settings.
+        """
+        from PIL import Image
+
+        self._client.log_artifact(self.id, str(path), f"pictures/{group}".rstrip("/"))
+        key = re.sub(r"[^a-zA-Z0-9_\-./ ]", "_", f"{group}/{path.stem}".lstrip("/"))
+        with Image.open(path) as picture:
+            self._client.log_image(self.id, picture, key=key, step=step)
 
     def log_child(self, name: str, curves: Mapping[str, Mapping[int, float]], tags: Mapping[str, str]) -> None:
         """Add a finished run below this one, with curves {name: {step: value}}."""
@@ -201,10 +213,19 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
             raise
         seconds = time.perf_counter() - started
         run.log("wall_s", seconds)
+        for figure, value in _used().items():
+            run.log(f"{SYSTEM}{figure}", value)
         run.summarise(stage, item)
         run.end("FINISHED")
     _state_file(name).unlink()
     write_timing(name, run.id, seconds)
+
+
+def _used() -> dict[str, float]:
+    """Return the processor time and the peak memory of this process and of those that it waited for."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    kib = max(each.ru_maxrss for each in used)  # Linux counts KiB
+    return {"cpu_s": sum(each.ru_utime + each.ru_stime for each in used), "peak_memory_mb": kib * 1024 / 1e6}
 
 
 def _warn_of_unnoticed_files(stage: str) -> None:

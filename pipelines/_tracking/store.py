@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pentimento.contracts.errors import PentimentoError
+from pipelines._tracking.families import experiment_tags
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -52,13 +53,15 @@ def open_store() -> "MlflowClient":
 
 def experiment_id(client: "MlflowClient", name: str) -> str:
     """Return the id of the experiment `name`; create it where there is none."""
-    known = client.get_experiment_by_name(name)
+    known, tags = client.get_experiment_by_name(name), experiment_tags(name)
     if known is not None:
+        for tag in tags.keys() - known.tags.keys():  # of an earlier version; what a person wrote stays
+            client.set_experiment_tag(known.experiment_id, tag, tags[tag])
         return known.experiment_id
     uri = os.environ["MLFLOW_TRACKING_URI"]
     beside = Path(uri.removeprefix("sqlite:///")).parent / "mlartifacts"
     location = beside.as_uri() if uri.startswith("sqlite:////") else None  # a server has its own location
-    return client.create_experiment(name, artifact_location=location)
+    return client.create_experiment(name, artifact_location=location, tags=tags)
 
 
 def execution_name() -> str:

@@ -71,6 +71,23 @@ def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(named) if named else tmp_path_factory.getbasetemp() / "screenshots"
 
 
+def test_an_experiment_opens_on_its_training_runs(server: str, tab: Browser, screenshots: Path) -> None:
+    """In a browser that never saw MLflow, by a click on the experiment's name; no tabs of traces and judges."""
+    tab.goto(f"{server}/#/experiments")
+    tab.click(_named("pentimento/strokes"))
+    tab.wait(_seen("before"))
+    tab.screenshot(screenshots / "experiment.png")
+    assert "/runs" in tab.evaluate("location.hash")
+    said = tab.text()
+    assert "Judges" not in said and "Models" in said
+
+
+def test_pictures_of_runs_meet_in_the_image_grid(server: str, tab: Browser, screenshots: Path) -> None:
+    tab.goto(f"{server}/#/experiments/{_strokes(server)}/runs?compareRunsMode=CHART")
+    tab.wait("[...document.querySelectorAll('img')].filter(i => i.naturalWidth === 60).length === 2")
+    tab.screenshot(screenshots / "grid.png")
+
+
 def test_which_is_better_is_three_clicks_away(server: str, tab: Browser, screenshots: Path) -> None:
     """Tick both executions, press Compare."""
     experiment = _strokes(server)
