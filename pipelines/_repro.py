@@ -76,7 +76,8 @@ def main(arguments: list[str]) -> int:
     print(f"\nThe report:  {(folder / 'data/report/index.html').relative_to(root)}")
     store = os.environ["MLFLOW_TRACKING_URI"]
     print(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
-    print("             then open http://127.0.0.1:5000; what changed: .venv/bin/python -m pipelines.compare --last 2")
+    print("             then open http://127.0.0.1:5000 and choose Model training")
+    print("What changed: .venv/bin/python -m pipelines.compare --last 2")
     return 0
 
 

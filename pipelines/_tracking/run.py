@@ -53,6 +53,7 @@ _PARAMS_A_BATCH = 100  # MLflow's limit
 _PARAM_LENGTH = 6000  # MLflow's limit
 SYSTEM = "system/"
 """Prefix of metrics that MLflow shows among its system metrics."""
+_IN_KEYS = re.compile(r"[^a-zA-Z0-9_\-./ ]")  # what a key of the image grid cannot hold
 
 
 _NAME_LENGTH = 250  # MLflow's limit
@@ -74,6 +75,8 @@ class Run:
     _client: "MlflowClient"
     parent: str | None = None
     """The id of the parent run of the execution."""
+    label: str = ""
+    """`stage/item`."""
     metrics: dict[str, Any] = field(default_factory=dict)
     """The metrics given to `log_metrics`, nested."""
     _pending: list["Metric"] = field(default_factory=list)
@@ -122,17 +125,18 @@ class Run:
         self._client.set_tag(self.id, stored_name(name), value)
 
     def log_picture(self, path: Path, group: str = "", step: int = 0) -> None:
-        """Keep a picture with the run: a copy in `pictures/`, and an entry of MLflow's image grid.
+        """Keep a copy of a picture in the run's folder `pictures`, and enter it in MLflow's image grid.
 
-        Pictures of several runs meet in the grid by their key, which is the name of the file without its suffix, after
-        `group/` where the run has pictures of the same name for several settings.
+        `group` is for runs with pictures of the same name for several settings. The grid shows the rows of the
+        experiment's table, which are executions: there the key is `stage/item/group/name`, and pictures of equal keys
+        meet.
         """
         from PIL import Image
 
         self._client.log_artifact(self.id, str(path), f"pictures/{group}".rstrip("/"))
-        key = re.sub(r"[^a-zA-Z0-9_\-./ ]", "_", f"{group}/{path.stem}".lstrip("/"))
+        key = "/".join(filter(None, (self.label, group, path.stem)))
         with Image.open(path) as picture:
-            self._client.log_image(self.id, picture, key=key, step=step)
+            self._client.log_image(self.parent or self.id, picture, key=_IN_KEYS.sub("_", key), step=step)
 
     def log_child(self, name: str, curves: Mapping[str, Mapping[int, float]], tags: Mapping[str, str]) -> None:
         """Add a finished run below this one, with curves {name: {step: value}}."""
@@ -271,7 +275,7 @@ def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key:
         parent = execution_run(client, experiment, execution, shared)
         client.update_run(parent, status="RUNNING")
         tags |= {"execution": execution, "mlflow.parentRunId": parent}
-    return Run(_continue_or_create(client, experiment, name, tags, key), client, parent)
+    return Run(_continue_or_create(client, experiment, name, tags, key), client, parent, name.replace("@", "/"))
 
 
 def _continue_or_create(client: "MlflowClient", experiment: str, name: str, tags: Mapping[str, str], key: str) -> str:

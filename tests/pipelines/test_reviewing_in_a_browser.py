@@ -72,8 +72,9 @@ def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_an_experiment_opens_on_its_training_runs(server: str, tab: Browser, screenshots: Path) -> None:
-    """In a browser that never saw MLflow, by a click on the experiment's name; no tabs of traces and judges."""
+    """After one click on *Model training* in a browser that never saw MLflow; no tabs of traces and judges."""
     tab.goto(f"{server}/#/experiments")
+    tab.click(_named("Model training"))
     tab.click(_named("pentimento/strokes"))
     tab.wait(_seen("before"))
     tab.screenshot(screenshots / "experiment.png")
@@ -83,15 +84,28 @@ def test_an_experiment_opens_on_its_training_runs(server: str, tab: Browser, scr
 
 
 def test_pictures_of_runs_meet_in_the_image_grid(server: str, tab: Browser, screenshots: Path) -> None:
+    """In the chart view of the experiment, whose rows are executions."""
     tab.goto(f"{server}/#/experiments/{_strokes(server)}/runs?compareRunsMode=CHART")
+    tab.wait(_seen("train_stroke_dynamics/marker/strokes"))
     tab.wait("[...document.querySelectorAll('img')].filter(i => i.naturalWidth === 60).length === 2")
     tab.screenshot(screenshots / "grid.png")
+
+
+def test_a_models_page_leads_to_data_run_and_files(server: str, tab: Browser, screenshots: Path) -> None:
+    run = next(run for run in History().runs if run.tags["execution"] == "after")
+    model = run.tags["model:models/stroke_marker_base/weights"]
+    tab.goto(f"{server}/#/experiments/{_strokes(server)}/models/{model}?workflowType=machine_learning")
+    for text in ("held_out.model.mse", "dvc://", "data/strokes", "Made by the robot in the studio"):
+        tab.wait(_seen(text), 30)
+    tab.screenshot(screenshots / "model.png")
+    tab.click(f"[...document.querySelectorAll('a')].find(a => a.innerText === {run.name!r})")
+    tab.wait(f"location.hash.includes({run.id!r})", 30)
 
 
 def test_which_is_better_is_three_clicks_away(server: str, tab: Browser, screenshots: Path) -> None:
     """Tick both executions, press Compare."""
     experiment = _strokes(server)
-    tab.goto(f"{server}/#/experiments/{experiment}/runs")
+    tab.goto(f"{server}/#/experiments/{experiment}/runs?workflowType=machine_learning")
     tab.tick(_box_of("before"), _box_of("after"))
     tab.wait(_button("Compare"))
     tab.screenshot(screenshots / "executions.png")

@@ -95,7 +95,7 @@ def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any
     kept_files = {entry.path for entry in client.list_artifacts(run.id, "pictures")}
     assert kept_files == {"pictures/error.png", "pictures/brush (round)"}
     grid = {Path(entry.path).name.split("+timestamp")[0] for entry in client.list_artifacts(run.id, "images")}
-    assert grid == {"error+step+0", "brush _round_~error+step+3"}  # MLflow writes `/` as `~`
+    assert grid == {"paint~colour~error+step+0", "paint~colour~brush _round_~error+step+3"}  # MLflow writes `/` as `~`
     assert kept.data.metrics["system/cpu_s"] > 0
     assert 20 < kept.data.metrics["system/peak_memory_mb"] < 100_000  # Python alone takes more, no machine has that
     assert (store / "mlartifacts").is_dir()
