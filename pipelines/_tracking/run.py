@@ -36,6 +36,7 @@ from pipelines._tracking.store import (
     execution_name,
     execution_run,
     experiment_id,
+    group_tags,
     open_store,
     store_errors,
 )
@@ -270,7 +271,7 @@ def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key:
     tags, execution, parent = _tags(stage, item), execution_name(), None
     if execution:
         shared: dict[str, str] = {
-            tag: tags[tag] for tag in ("profile", "commit", "dirty", "dvc_experiment", "family") if tag in tags
+            tag: tags[tag] for tag in ("profile", "commit", "dirty", "dvc_experiment", "family", "group", "seed") if tag in tags
         }
         parent = execution_run(client, experiment, execution, shared)
         client.update_run(parent, status="RUNNING")
@@ -342,7 +343,7 @@ def _tags(stage: str, item: str | None) -> dict[str, str]:
         "mlflow.source.name": f"pipelines/{stage}.py",
         "mlflow.source.git.commit": commit,
     }
-    return {name: value for name, value in (tags | _as_written(stage, item)).items() if value}
+    return {name: value for name, value in (tags | _as_written(stage, item) | group_tags()).items() if value}
 
 
 def _as_written(stage: str, item: str | None) -> dict[str, str]:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 VARIABLE = "PENTIMENTO_EXECUTION"
 """Environment variable of a stage: the name of the execution that it belongs to."""
+GROUP_VARIABLE, SEED_VARIABLE = "PENTIMENTO_GROUP", "PENTIMENTO_SEED"
+"""Environment variables of a stage in a group of runs with different seeds; also tags `group` and `seed`."""
 EXECUTION, STAGE, PART = "execution", "stage", "part"
 """Values of the tag `kind`: a parent, a stage, a part of a stage."""
 _TEMPORARY = Path(".dvc/tmp/exps")
@@ -68,6 +70,12 @@ def execution_name() -> str:
     """Return the name of the execution that this process belongs to; empty where it has none."""
     name = os.environ.get(VARIABLE) or os.environ.get("DVC_EXP_NAME", "")
     return name.replace("'", "")  # which MLflow's queries cannot hold
+
+
+def group_tags() -> dict[str, str]:
+    """Return the tags of this process's group of seeds; empty where it belongs to none."""
+    values = {"group": os.environ.get(GROUP_VARIABLE, ""), "seed": os.environ.get(SEED_VARIABLE, "")}
+    return {name: value for name, value in values.items() if value}
 
 
 def execution_run(client: "MlflowClient", experiment: str, execution: str, tags: dict[str, str]) -> str:
