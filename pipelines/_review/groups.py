@@ -96,7 +96,9 @@ def compare_groups(history: History, a: Group, b: Group) -> list[SeedFigure]:
     runs = [[_runs(history, group, seed) for seed in seeds] for group in (a, b)]
     names = [name for name in runs[1][0] if all(name in member for side in runs for member in side)]
     if not names:
-        raise PentimentoError(f"No stage item ran in all runs of {a.name!r} and {b.name!r}; compare groups of one stage.")
+        raise PentimentoError(
+            f"No stage item ran in all runs of {a.name!r} and {b.name!r}; compare groups of one stage."
+        )
     found = [
         figure
         for name in names

@@ -96,7 +96,9 @@ def _sources(client: "MlflowClient", run: StageRun) -> dict[str, "LoggedModel"]:
     found = {}
     for path, digest in run.inputs.items():
         if Path(path).parts[0] == _FOLDER and len(Path(path).parts) > 1:
-            same = [each for each in _named(client, Path(path).parts[1]) if each.tags.get("dvc") == dvc_link(path, digest)]
+            same = [
+                each for each in _named(client, Path(path).parts[1]) if each.tags.get("dvc") == dvc_link(path, digest)
+            ]
             if same:
                 found[path] = same[0]
     return found
@@ -115,10 +117,15 @@ def _card(run: StageRun, experiment: str, dvc: str, sources: Mapping[str, "Logge
     """Return the description of a model: what it is, its files, its data, its run, the models that it was made from."""
     commit = run.tags.get("commit", "")
     code = f", code of commit `{commit[:12]}`" if commit else ""
-    lines = [f"Made by [{run.name}](#/experiments/{experiment}/runs/{run.id}){code}.", f"Files: `{dvc}` in DVC's cache."]
+    lines = [
+        f"Made by [{run.name}](#/experiments/{experiment}/runs/{run.id}){code}.",
+        f"Files: `{dvc}` in DVC's cache.",
+    ]
     for path, digest in run.inputs.items():
         origin = f": {run.origins[path]}" if path in run.origins else ""
-        lines.append(f"From {_linked(path, sources[path]) if path in sources else f'`{path}`'} (`{digest[:12]}`){origin}")
+        lines.append(
+            f"From {_linked(path, sources[path]) if path in sources else f'`{path}`'} (`{digest[:12]}`){origin}"
+        )
     listed = "\n".join(f"- {line}" for line in lines)
     return f"{run.tags.get(_NOTE) or note(run.stage, {})}\n\n{listed}".lstrip()
 

@@ -72,10 +72,14 @@ def experiment_tags(name: str) -> dict[str, str]:
     """Return the tags by which MLflow opens an experiment on its training runs and says what is in it."""
     family = name.rpartition("/")[2]
     stages = ", ".join(f"`{stage}`" for stage in FAMILIES.get(family, ()))
-    figures = "; ".join(f"`{HEADLINES[stage].metric}` of `{stage}`" for stage in FAMILIES.get(family, ())
-                        if stage in HEADLINES)
-    paragraphs = [_DESCRIPTIONS.get(family, _DESCRIPTIONS[OTHER]), stages and f"Stages: {stages}.",
-                  figures and f"Main figures on held-out data: {figures}."]
+    figures = "; ".join(
+        f"`{HEADLINES[stage].metric}` of `{stage}`" for stage in FAMILIES.get(family, ()) if stage in HEADLINES
+    )
+    paragraphs = [
+        _DESCRIPTIONS.get(family, _DESCRIPTIONS[OTHER]),
+        stages and f"Stages: {stages}.",
+        figures and f"Main figures on held-out data: {figures}.",
+    ]
     return {
         "mlflow.experimentKind": "custom_model_development",  # without it, MLflow shows traces of language models
         "mlflow.note.content": "\n\n".join(filter(None, paragraphs)),

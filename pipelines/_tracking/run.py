@@ -271,7 +271,9 @@ def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key:
     tags, execution, parent = _tags(stage, item), execution_name(), None
     if execution:
         shared: dict[str, str] = {
-            tag: tags[tag] for tag in ("profile", "commit", "dirty", "dvc_experiment", "family", "group", "seed") if tag in tags
+            tag: tags[tag]
+            for tag in ("profile", "commit", "dirty", "dvc_experiment", "family", "group", "seed")
+            if tag in tags
         }
         parent = execution_run(client, experiment, execution, shared)
         client.update_run(parent, status="RUNNING")

@@ -24,6 +24,8 @@ GROUP_VARIABLE, SEED_VARIABLE = "PENTIMENTO_GROUP", "PENTIMENTO_SEED"
 """Environment variables of a stage in a group of runs with different seeds; also tags `group` and `seed`."""
 EXECUTION, STAGE, PART = "execution", "stage", "part"
 """Values of the tag `kind`: a parent, a stage, a part of a stage."""
+_SQLITE = "sqlite:///"
+_DATABASES = (_SQLITE, "postgresql", "mysql", "mssql")
 _TEMPORARY = Path(".dvc/tmp/exps")
 """Where DVC runs queued experiments, in temporary copies of the repository."""
 
@@ -50,7 +52,40 @@ def open_store() -> "MlflowClient":
     """Return a client of the store; call inside `store_errors`, which sets the address."""
     from mlflow import MlflowClient
 
-    return MlflowClient(os.environ["MLFLOW_TRACKING_URI"])
+    address = os.environ["MLFLOW_TRACKING_URI"]
+    if address.startswith(_DATABASES):
+        _check_version(address)
+    return MlflowClient(address)
+
+
+def _check_version(address: str) -> None:
+    """Refuse a database of another version of MLflow, which would upgrade some by itself and fail in others."""
+    import mlflow
+    from alembic.runtime.migration import MigrationContext
+    from alembic.script import ScriptDirectory
+    from sqlalchemy import create_engine
+
+    if address.startswith(_SQLITE) and not Path(address.removeprefix(_SQLITE)).is_file():
+        return  # it is about to be created
+    engine = create_engine(address)
+    try:
+        with engine.connect() as connection:
+            revision = MigrationContext.configure(connection).get_current_revision()
+    finally:
+        engine.dispose()
+    known = ScriptDirectory(str(Path(mlflow.__file__).parent / "store/db_migrations"))
+    if revision is None or revision == known.get_current_head():
+        return
+    store = address if address.startswith(_SQLITE) else '"$MLFLOW_TRACKING_URI"'  # which may hold a password
+    if revision not in {script.revision for script in known.walk_revisions()}:
+        raise PentimentoError(
+            f"The database {store} is of a newer MLflow than {mlflow.__version__}, which does not know its revision "
+            f"{revision}; install that newer version, or set MLFLOW_TRACKING_URI to another store."
+        )
+    raise PentimentoError(
+        f"The database {store} is of an older MLflow than {mlflow.__version__}; copy it, then upgrade it by "
+        f"`.venv/bin/mlflow db upgrade {store}`."
+    )
 
 
 def experiment_id(client: "MlflowClient", name: str) -> str:

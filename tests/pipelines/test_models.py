@@ -59,13 +59,18 @@ def test_a_model_leads_to_its_files_figures_data_run_and_bundle(client: Any) -> 
     figures = {figure.key: figure for figure in model.metrics}
     assert set(figures) == {"held_out.extended.mse", "held_out.base.mse"}
     figure = figures["held_out.extended.mse"]
-    assert (figure.value, figure.dataset_name, figure.dataset_digest) == (0.25, "strokes", trained.inputs["data/strokes"])
+    assert (figure.value, figure.dataset_name, figure.dataset_digest) == (
+        0.25,
+        "strokes",
+        trained.inputs["data/strokes"],
+    )
     text = model.tags["mlflow.note.content"]
     assert f"#/experiments/{model.experiment_id}/runs/{trained.id}" in text
     assert f"Part of [models/bundle](#/experiments/{bundle.experiment_id}/models/{bundle.model_id})" in text
-    assert f"[{MODEL_PATH}](#/experiments/{model.experiment_id}/models/{model.model_id})" in bundle.tags[
-        "mlflow.note.content"
-    ]
+    assert (
+        f"[{MODEL_PATH}](#/experiments/{model.experiment_id}/models/{model.model_id})"
+        in bundle.tags["mlflow.note.content"]
+    )
     stored = client.get_run(trained.id)
     assert [each.model_id for each in stored.outputs.model_outputs] == [model.model_id]
     assert [each.model_id for each in client.get_run(bundled.id).inputs.model_inputs] == [model.model_id]

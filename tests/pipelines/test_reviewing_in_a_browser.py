@@ -99,7 +99,9 @@ def test_a_models_page_leads_to_data_run_and_files(server: str, tab: Browser, sc
     for text in ("held_out.model.mse", "dvc://", "data/strokes", "Made by the robot in the studio"):
         tab.wait(_seen(text), 30)
     tab.screenshot(screenshots / "model.png")
-    tab.click(f"[...document.querySelectorAll('a')].find(a => a.innerText === {run.name!r})")
+    described = f"[...document.querySelectorAll('a')].find(a => a.innerText === {run.name!r})"  # opens another tab
+    assert tab.evaluate(f"{described}.href").endswith(f"/#/experiments/{_strokes(server)}/runs/{run.id}")
+    tab.click(_named(run.id))
     tab.wait(f"location.hash.includes({run.id!r})", 30)
 
 
@@ -138,7 +140,15 @@ def test_a_runs_page_says_what_it_was_and_its_pictures_are_three_clicks_away(
 def test_is_it_luck_is_one_command(
     server: str, tab: Browser, screenshots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    parser_like = {"runs": (), "last": 2, "stage": None, "check": False, "seeds": False, "profile": "default", "out": tmp_path}
+    parser_like = {
+        "runs": (),
+        "last": 2,
+        "stage": None,
+        "check": False,
+        "seeds": False,
+        "profile": "default",
+        "out": tmp_path,
+    }
     compare.main(compare.argparse.Namespace(**parser_like))
     assert "B is better; beyond luck" in capsys.readouterr().out
     (page,) = tmp_path.glob("*.html")
