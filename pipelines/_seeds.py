@@ -38,7 +38,7 @@ def main(arguments: list[str]) -> int:
         print(__doc__, file=sys.stderr)
         return 2
     end_with_parent()
-    count, target, profile = int(arguments[0]), arguments[1], (arguments[2:] or [None])[0]
+    count, target, profile = int(arguments[0]), arguments[1], arguments[2] if len(arguments) == 3 else None
     root = Path.cwd()
     os.environ.setdefault("MLFLOW_TRACKING_URI", f"sqlite:///{root / 'mlflow.db'}")
     os.environ["PENTIMENTO_PROFILE"] = profile or "default"

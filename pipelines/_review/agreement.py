@@ -100,7 +100,7 @@ def check(folder: Path, profile: str) -> tuple[int, list[str]]:
 
 
 def link(folder: Path, execution: str, status: str) -> None:
-    """Close an execution: log its models, tag its runs with their outputs, its parents with the earlier runs that stand.
+    """Close an execution: log its models, tag its runs with their outputs, parents with earlier runs that stand.
 
     An earlier run stands where DVC found nothing to do.
     """

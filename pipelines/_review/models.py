@@ -74,7 +74,7 @@ def _log_model(
     figures = [
         Metric(
             each.key, each.value, each.timestamp, each.step, model.model_id,
-            data and data.name, data and data.digest, run.id,
+            data.name if data else None, data.digest if data else None, run.id,
         )
         for each in stored.data._metric_objs  # with their times, which the store needs to know them again
         if each.key != "wall_s" and not each.key.startswith(("items.", SYSTEM))

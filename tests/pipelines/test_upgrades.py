@@ -1,4 +1,4 @@
-"""Databases of other versions of MLflow: an older one is upgraded by the command that is printed, a newer one refused."""
+"""Databases of other versions of MLflow: the printed command upgrades an older one; a newer one is refused."""
 
 import re
 import shlex
@@ -31,7 +31,7 @@ def test_an_older_database_is_left_as_it_is_until_the_printed_command_upgrades_i
     monkeypatch.setenv("MLFLOW_TRACKING_URI", address := f"sqlite:///{file}")
     engine = create_engine(address)
     Base.metadata.create_all(engine)
-    command.upgrade(_get_alembic_config(address), OLDER)
+    command.upgrade(_get_alembic_config(address), OLDER)  # type: ignore[no-untyped-call]
     engine.dispose()
     before = file.read_bytes()
     with pytest.raises(PentimentoError, match="is of an older MLflow than") as refused:
