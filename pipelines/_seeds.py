@@ -20,6 +20,7 @@ from pipelines._params import overlaid, read_yaml, reseeded
 from pipelines._repro import STATUS, name_files_of, overlay_with, restore_missing
 from pipelines._review.agreement import link
 from pipelines._tracking.families import experiment_of, family_of
+from pipelines._tracking.run import code_tags
 from pipelines._tracking.store import (
     GROUP_VARIABLE,
     SEED_VARIABLE,
@@ -66,7 +67,7 @@ def _run(root: Path, target: str, profile: str | None, *, group: str, number: in
     os.environ |= {VARIABLE: execution, GROUP_VARIABLE: group, SEED_VARIABLE: str(number)}
     try:
         with store_errors():  # also where DVC finds everything done, so that the group is complete
-            client, tags = open_store(), group_tags() | {"profile": profile or "default"}
+            client, tags = open_store(), group_tags() | code_tags() | {"profile": profile or "default"}
             experiment = experiment_id(client, experiment_of(_stage(target)))
             execution_run(client, experiment, execution, tags | {"family": family_of(_stage(target))})
         print(f"\nSeed {number}:")

@@ -330,22 +330,25 @@ def _describe(
 
 
 def _tags(stage: str, item: str | None) -> dict[str, str]:
-    commit = _git("rev-parse", "HEAD")
-    # The pipeline itself changes dvc.lock.
-    changes = _git("status", "--porcelain", "--", ":(top)", ":(top,exclude)dvc.lock")
-    tags = {
+    code = code_tags()
+    tags = code | {
         "kind": STAGE,
         "family": family_of(stage),
         "stage": stage,
         "item": item or "",
         "profile": os.environ.get("PENTIMENTO_PROFILE", "default"),
-        "commit": commit,
-        "dirty": str(bool(changes)).lower(),
         "dvc_experiment": os.environ.get("DVC_EXP_NAME", ""),
         "mlflow.source.name": f"pipelines/{stage}.py",
-        "mlflow.source.git.commit": commit,
+        "mlflow.source.git.commit": code["commit"],
     }
     return {name: value for name, value in (tags | _as_written(stage, item) | group_tags()).items() if value}
+
+
+def code_tags() -> dict[str, str]:
+    """Return git's commit as a tag, empty outside a repository, and whether the working tree had changes."""
+    # The pipeline itself changes dvc.lock.
+    changes = _git("status", "--porcelain", "--", ":(top)", ":(top,exclude)dvc.lock")
+    return {"commit": _git("rev-parse", "HEAD"), "dirty": str(bool(changes)).lower()}
 
 
 def _as_written(stage: str, item: str | None) -> dict[str, str]:
