@@ -94,6 +94,30 @@ def _texts(value: Any) -> Iterator[str]:
             yield from _texts(entry)
 
 
+def reseeded(document: Params, stage: str, by: int) -> Params:
+    """Return params.yaml with `by` added to every seed of a stage's section: `seed` and `<name>_seed` at any depth.
+
+    Seeds that come from a preset are written beside it. `ConfigError` where the stage has no section or no seed.
+    """
+    if stage not in document:
+        raise ConfigError(f"params.yaml has no section {stage}; name a stage of dvc.yaml, or stage@item.")
+    seeds = _seeds(resolved(document)[stage], by)
+    if not seeds:
+        raise ConfigError(f"{stage} has no seed in params.yaml, so that all its runs are the same.")
+    return document | {stage: _replaced(document[stage], seeds)}
+
+
+def _seeds(section: Params, by: int) -> Params:
+    """Return the seeds of a section that has no presets, with `by` added, in their nested mappings."""
+    found: Params = {}
+    for key, value in section.items():
+        if isinstance(value, dict):
+            found |= {key: inner} if (inner := _seeds(value, by)) else {}
+        elif (key == "seed" or key.endswith("_seed")) and isinstance(value, int):
+            found[key] = value + by
+    return found
+
+
 def overlaid(root: Path, profile: str) -> Params:
     """Return params.yaml in `root` overlaid by `profiles/<profile>.yaml`; presets stay references.
 

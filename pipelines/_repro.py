@@ -22,7 +22,7 @@ from pentimento.contracts.errors import ConfigError, PentimentoError
 from pipelines._deps import name_files
 from pipelines._dvc import put_aside_broken_lock, run_dvc
 from pipelines._io import end_with_parent
-from pipelines._params import overlaid, read_yaml
+from pipelines._params import Params, overlaid, read_yaml
 from pipelines._review.agreement import link
 from pipelines._review.champions import register
 from pipelines._side_by_side import bring_up_to_date
@@ -32,7 +32,7 @@ from pipelines._tracking.timings import TIMINGS
 
 _OWN_FILES = {"dvc.lock", "params.yaml"}  # a profile's copy has its own
 _MANIFEST = Path(".pentimento/overlaid.txt")
-_STATUS = {0: "FINISHED", 130: "KILLED", 143: "KILLED"}  # of MLflow, by exit status
+STATUS = {0: "FINISHED", 130: "KILLED", 143: "KILLED"}  # of MLflow, by exit status
 
 
 def main(arguments: list[str]) -> int:
@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> int:
     try:
         folder = overlay(root, profile) if profile else root
         put_aside_broken_lock(folder)
-        _name_files(folder)
+        name_files_of(folder)
     except (PentimentoError, OSError) as error:
         print(f"make repro: {error}", file=sys.stderr)
         return 1
@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
         status = 130
     try:
         if status != 0 or _ran_since(folder, started):
-            link(folder, execution, _STATUS.get(status, "FAILED"))
+            link(folder, execution, STATUS.get(status, "FAILED"))
             if status == 0 and profile is None:  # models of other profiles are not registered
                 print("", *register(folder), sep="\n")
     except PentimentoError as error:  # the outputs are complete; only links in MLflow are missing
@@ -76,11 +76,12 @@ def main(arguments: list[str]) -> int:
     print(f"\nThe report:  {(folder / 'data/report/index.html').relative_to(root)}")
     store = os.environ["MLFLOW_TRACKING_URI"]
     print(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
-    print("             then open http://127.0.0.1:5000; what changed: .venv/bin/python -m pipelines.compare --last 2")
+    print("             then open http://127.0.0.1:5000 and choose Model training")
+    print("What changed: .venv/bin/python -m pipelines.compare --last 2")
     return 0
 
 
-def _name_files(folder: Path) -> None:
+def name_files_of(folder: Path) -> None:
     """Let the stages depend on the files that params.yaml names, so that DVC notices when one has changed."""
     try:
         changed = name_files(folder)
@@ -113,10 +114,17 @@ def restore_missing(folder: Path) -> None:
 
 def overlay(root: Path, profile: str) -> Path:
     """Bring `.profiles/<profile>/` up to date and return it; its dvc.lock and outputs stay."""
-    params = overlaid(root, profile)
-    folder = root / ".profiles" / profile
+    return overlay_with(root, profile, overlaid(root, profile), profile)
+
+
+def overlay_with(root: Path, name: str, params: Params, profile: str | None) -> Path:
+    """Bring `.profiles/<name>/` up to date, a copy of the repository with other parameters, and return it.
+
+    Its dvc.lock and outputs stay. Its stages are those of the profile, where it has some of its own.
+    """
+    folder = root / ".profiles" / name
     _copy_changed(root, folder)
-    if (own := root / "profiles" / profile / "pipeline.yaml").is_file():
+    if profile and (own := root / "profiles" / profile / "pipeline.yaml").is_file():
         shutil.copy2(own, folder / "dvc.yaml")
     with (folder / "params.yaml").open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(params, file)

@@ -80,7 +80,7 @@ def main(arguments: argparse.Namespace) -> None:
             sheet = contact_sheet(grid, {hand: _paths(held_out.of(hand)) for hand in who.hands}, setting.side_m)
             (out / name).mkdir()
             write_png(out / name / "contact_sheet.png", sheet)
-            run.log_picture(out / name / "contact_sheet.png")
+            run.log_picture(out / name / "contact_sheet.png", name)
             metrics[name] = recognition(grid, judge, who)
         write_json(out / "metrics.json", metrics)
         run.log_metrics(metrics)

@@ -69,7 +69,7 @@ def main(arguments: argparse.Namespace) -> None:
             for kind, painting in painted.items():
                 write_png(out / name / f"{kind}_planned.png", painting.planned)
                 write_png(out / name / f"{kind}_painted.png", painting.painted)
-                run.log_picture(out / name / f"{kind}_painted.png")
+                run.log_picture(out / name / f"{kind}_painted.png", name)
             metrics[name] = {
                 kind: _metrics(painting, picture, setting, networks.judge) for kind, painting in painted.items()
             }

@@ -86,9 +86,9 @@ def main(arguments: argparse.Namespace) -> None:
         write_json(out / SCULPTURES, carved)
         run.log_metrics(metrics | carved)
         for name in config.paintings:
-            run.log_picture(out / name / "canvas.png")
+            run.log_picture(out / name / "canvas.png", name)
         for name in config.sculptures:
-            run.log_picture(out / name / "result.png")
+            run.log_picture(out / name / "result.png", name)
 
 
 def _perform(performance: Performance, seed: int, bundle: Path, paintings: Path, out: Path) -> dict[str, Any]:

@@ -3,10 +3,12 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 from pipelines._params import read_yaml
 from pipelines._review.history import History, StageRun
+from pipelines._review.models import log_models
 from pipelines._tracking.dvc_files import locked_stages, matrix_items, value_digest
 from pipelines._tracking.store import open_store, store_errors
 
@@ -98,7 +100,10 @@ def check(folder: Path, profile: str) -> tuple[int, list[str]]:
 
 
 def link(folder: Path, execution: str, status: str) -> None:
-    """Close an execution: tag its runs with their outputs, and its parents with earlier runs whose outputs stand."""
+    """Close an execution: log its models, tag its runs with their outputs, parents with earlier runs that stand.
+
+    An earlier run stands where DVC found nothing to do.
+    """
     with store_errors():
         history, client = History(), open_store()
         found = next((each for each in history.executions if each.name == execution), None)
@@ -106,10 +111,11 @@ def link(folder: Path, execution: str, status: str) -> None:
             return
         runs = [run for run in history.runs if run.tags.get("profile") == found.tags.get("profile")]
         reused = {}
-        for locked in read_lock(folder):
+        for locked in _in_order(read_lock(folder)):
             run = producer_of(locked, runs)
             if run is None:
                 continue
+            log_models(client, run, locked.outputs)
             if run.tags.get("execution") != execution:
                 reused[locked.name] = run.id
             for path, digest in locked.outputs.items():
@@ -117,6 +123,14 @@ def link(folder: Path, execution: str, status: str) -> None:
         for parent in found.ids:
             client.set_tag(parent, "reused", json.dumps(reused))
             client.set_terminated(parent, status)
+
+
+def _in_order(items: Sequence[Locked]) -> list[Locked]:
+    """Return the items in the order of execution: each after those whose outputs it reads."""
+    makers = {path: item.name for item in items for path in item.outputs}
+    by_name = {item.name: item for item in items}
+    reads = {item.name: {makers[path] for path in item.inputs if path in makers} - {item.name} for item in items}
+    return [by_name[name] for name in TopologicalSorter(reads).static_order()]
 
 
 def _finished(locked: Locked, run: StageRun) -> bool:

@@ -6,6 +6,7 @@ benchmark of its kind of model falls short in no more rows. A bundle becomes the
 champions. Otherwise the alias stays, and the version's tag `champion` gives the reason.
 """
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 from pipelines._review.agreement import Locked, producer_of, read_lock
 from pipelines._review.figures import less_is_better
 from pipelines._review.history import History, StageRun
+from pipelines._review.models import MODEL, dvc_link
 from pipelines._tracking.families import HEADLINES
 from pipelines._tracking.store import open_store, store_errors
 
@@ -55,7 +57,13 @@ def _register(client: "MlflowClient", folder: Path, locked: Locked, path: str, r
     tags[ALIAS] = f"no: {'; '.join(against)}" if against else "yes"
     if not versions:
         client.create_registered_model(name, description=f"Produced by {locked.name}; DVC has the files, in {path}.")
-    version = client.create_model_version(name, f"dvc://{digest}/{path}", run.id, tags=tags)
+    logged = run.tags.get(f"{MODEL}{path}")  # none after a bare `dvc repro`
+    version = client.create_model_version(
+        name, dvc_link(path, digest), run.id, tags=tags | ({"logged_model": logged} if logged else {})
+    )
+    if logged:  # the tag by which the model's page lists its versions
+        registered = json.dumps([{"name": name, "version": version.version}])
+        client.set_logged_model_tags(logged, {"mlflow.modelVersions": registered})
     if against:
         return [f"{name}: version {version.version} is not the champion: {'; '.join(against)}."]
     client.set_registered_model_alias(name, ALIAS, version.version)

@@ -8,6 +8,7 @@ from pipelines._review.agreement import OUTPUT
 from pipelines._review.figures import Figure, figures, paired
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._tracking.families import HEADLINES
+from pipelines._tracking.run import SYSTEM
 
 Pair = tuple[str | None, str | None]
 
@@ -135,7 +136,8 @@ def _stage(history: History, name: str, a: StageRun | None, b: StageRun | None) 
 
 
 def _metrics(run: StageRun | None) -> dict[str, float]:
-    return dict(run.metrics) if run else {}
+    """Return a run's metrics, without the processor time and memory that it used."""
+    return {name: value for name, value in run.metrics.items() if not name.startswith(SYSTEM)} if run else {}
 
 
 def _with_items(history: History, figure: Figure, a: StageRun | None, b: StageRun | None) -> Figure:

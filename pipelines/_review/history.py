@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mlflow.entities import Run as StoredRun
 
 _PAGE = 1000
+_PICTURES = "pictures"
 _MIN_LETTERS = 4  # of an abbreviated id
 
 
@@ -121,13 +122,17 @@ class History:
         return [value for _, value in sorted({point.step: point.value for point in points}.items())]
 
     def pictures(self, run: StageRun) -> dict[str, bytes]:
-        """Return the run's PNGs by name."""
-        listed = [entry.path for entry in self._client.list_artifacts(run.id, "pictures") if not entry.is_dir]
+        """Return the run's PNGs by their path in its folder `pictures`."""
+        folders, listed = [_PICTURES], list[str]()
+        while folders:
+            entries = self._client.list_artifacts(run.id, folders.pop())
+            folders += [entry.path for entry in entries if entry.is_dir]
+            listed += [entry.path for entry in entries if not entry.is_dir]
         pictures = {}
         with tempfile.TemporaryDirectory() as scratch:
             for path in sorted(listed):
                 if path.endswith(".png"):
-                    pictures[Path(path).name] = Path(
+                    pictures[path.removeprefix(f"{_PICTURES}/")] = Path(
                         self._client.download_artifacts(run.id, path, scratch)
                     ).read_bytes()
         return pictures

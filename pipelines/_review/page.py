@@ -20,7 +20,7 @@ def text(comparison: Comparison) -> str:
     """Return the comparison for the terminal."""
     sides = zip("AB", comparison.sides, strict=True)
     lines = [f"{letter}  {side.title}  ({_description(side)})" for letter, side in sides]
-    lines += ["", *_changes(comparison), ""]
+    lines += ["", *changes(comparison), ""]
     for stage in comparison.changed:
         lines.append(f"{stage.name}: {_verdict(stage)}")
         lines += [f"    {name}: {a} -> {b}" for name, (a, b) in [*stage.params.items()][:_MAX_NAMES]]
@@ -42,7 +42,7 @@ def page(comparison: Comparison) -> str:
     return render(
         "comparison.html",
         sides=[{"title": side.title, "description": _description(side)} for side in comparison.sides],
-        changes=_changes(comparison),
+        changes=changes(comparison),
         stages=[_stage(stage) for stage in comparison.changed],
         same=[stage.name for stage in comparison.stages if stage.same],
         origins=list(comparison.origins.items()),
@@ -142,7 +142,7 @@ def _description(side: Side) -> str:
     return f"{side.started}, profile {side.profile}, {code}{uncommitted}, {side.status.lower()}"
 
 
-def _changes(comparison: Comparison) -> list[str]:
+def changes(comparison: Comparison) -> list[str]:
     """One sentence each on parameters, data and code."""
     stages = comparison.stages
     params = [f"{stage.name}: {name}" for stage in stages for name in stage.params]

@@ -23,6 +23,15 @@ FAMILIES = {
 }
 OTHER = "other"
 """Family of stages that no other family has."""
+_DESCRIPTIONS = {
+    "strokes": "Strokes of each brush and pen: recorded, predicted by a model, and the model's errors diagnosed.",
+    "painting": "Paintings planned by gradient and executed by the virtual robot.",
+    "co-painting": "Scenes, text-image encoders, the goal planner, and drawing together with a person.",
+    "hands": "Handwriting styles of people, and drawings made in them.",
+    "sculpting": "Pushes into clay and foam: recorded, predicted, diagnosed, and sculptures.",
+    "delivery": "The bundle for the robot's computer, its trial run, and the report.",
+    OTHER: "Stages that no other family has.",
+}
 
 
 @dataclass(frozen=True)
@@ -57,6 +66,24 @@ def family_of(stage: str) -> str:
 def experiment_of(stage: str) -> str:
     """Return the name of a stage's MLflow experiment: one for each family, so that its columns are comparable."""
     return f"pentimento/{family_of(stage)}"
+
+
+def experiment_tags(name: str) -> dict[str, str]:
+    """Return the tags by which MLflow opens an experiment on its training runs and says what is in it."""
+    family = name.rpartition("/")[2]
+    stages = ", ".join(f"`{stage}`" for stage in FAMILIES.get(family, ()))
+    figures = "; ".join(
+        f"`{HEADLINES[stage].metric}` of `{stage}`" for stage in FAMILIES.get(family, ()) if stage in HEADLINES
+    )
+    paragraphs = [
+        _DESCRIPTIONS.get(family, _DESCRIPTIONS[OTHER]),
+        stages and f"Stages: {stages}.",
+        figures and f"Main figures on held-out data: {figures}.",
+    ]
+    return {
+        "mlflow.experimentKind": "custom_model_development",  # without it, MLflow shows traces of language models
+        "mlflow.note.content": "\n\n".join(filter(None, paragraphs)),
+    }
 
 
 def experiments() -> list[str]:

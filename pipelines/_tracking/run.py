@@ -12,6 +12,7 @@ import json
 import os
 import posixpath
 import re
+import resource
 import subprocess
 import sys
 import time
@@ -35,6 +36,7 @@ from pipelines._tracking.store import (
     execution_name,
     execution_run,
     experiment_id,
+    group_tags,
     open_store,
     store_errors,
 )
@@ -50,6 +52,9 @@ _LOCK = UNFINISHED.parent / "begin.lock"
 _FLUSH_AT = 200  # metrics; one transaction each would cost 10 ms
 _PARAMS_A_BATCH = 100  # MLflow's limit
 _PARAM_LENGTH = 6000  # MLflow's limit
+SYSTEM = "system/"
+"""Prefix of metrics that MLflow shows among its system metrics."""
+_IN_KEYS = re.compile(r"[^a-zA-Z0-9_\-./ ]")  # what a key of the image grid cannot hold
 
 
 _NAME_LENGTH = 250  # MLflow's limit
@@ -71,6 +76,8 @@ class Run:
     _client: "MlflowClient"
     parent: str | None = None
     """The id of the parent run of the execution."""
+    label: str = ""
+    """`stage/item`."""
     metrics: dict[str, Any] = field(default_factory=dict)
     """The metrics given to `log_metrics`, nested."""
     _pending: list["Metric"] = field(default_factory=list)
@@ -118,9 +125,19 @@ class Run:
         """Set a tag of the run."""
         self._client.set_tag(self.id, stored_name(name), value)
 
-    def log_picture(self, path: Path) -> None:
-        """Keep a copy of a picture with the run."""
-        self._client.log_artifact(self.id, str(path), "pictures")
+    def log_picture(self, path: Path, group: str = "", step: int = 0) -> None:
+        """Keep a copy of a picture in the run's folder `pictures`, and enter it in MLflow's image grid.
+
+        `group` is for runs with pictures of the same name for several settings. The grid shows the rows of the
+        experiment's table, which are executions: there the key is `stage/item/group/name`, and pictures of equal keys
+        meet.
+        """
+        from PIL import Image
+
+        self._client.log_artifact(self.id, str(path), f"pictures/{group}".rstrip("/"))
+        key = "/".join(filter(None, (self.label, group, path.stem)))
+        with Image.open(path) as picture:
+            self._client.log_image(self.parent or self.id, picture, key=_IN_KEYS.sub("_", key), step=step)
 
     def log_child(self, name: str, curves: Mapping[str, Mapping[int, float]], tags: Mapping[str, str]) -> None:
         """Add a finished run below this one, with curves {name: {step: value}}."""
@@ -201,10 +218,19 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
             raise
         seconds = time.perf_counter() - started
         run.log("wall_s", seconds)
+        for figure, value in _used().items():
+            run.log(f"{SYSTEM}{figure}", value)
         run.summarise(stage, item)
         run.end("FINISHED")
     _state_file(name).unlink()
     write_timing(name, run.id, seconds)
+
+
+def _used() -> dict[str, float]:
+    """Return the processor time and the peak memory of this process and of those that it waited for."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    kib = max(each.ru_maxrss for each in used)  # Linux counts KiB
+    return {"cpu_s": sum(each.ru_utime + each.ru_stime for each in used), "peak_memory_mb": kib * 1024 / 1e6}
 
 
 def _warn_of_unnoticed_files(stage: str) -> None:
@@ -245,12 +271,14 @@ def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key:
     tags, execution, parent = _tags(stage, item), execution_name(), None
     if execution:
         shared: dict[str, str] = {
-            tag: tags[tag] for tag in ("profile", "commit", "dirty", "dvc_experiment", "family") if tag in tags
+            tag: tags[tag]
+            for tag in ("profile", "commit", "dirty", "dvc_experiment", "family", "group", "seed")
+            if tag in tags
         }
         parent = execution_run(client, experiment, execution, shared)
         client.update_run(parent, status="RUNNING")
         tags |= {"execution": execution, "mlflow.parentRunId": parent}
-    return Run(_continue_or_create(client, experiment, name, tags, key), client, parent)
+    return Run(_continue_or_create(client, experiment, name, tags, key), client, parent, name.replace("@", "/"))
 
 
 def _continue_or_create(client: "MlflowClient", experiment: str, name: str, tags: Mapping[str, str], key: str) -> str:
@@ -302,22 +330,25 @@ def _describe(
 
 
 def _tags(stage: str, item: str | None) -> dict[str, str]:
-    commit = _git("rev-parse", "HEAD")
-    # The pipeline itself changes dvc.lock.
-    changes = _git("status", "--porcelain", "--", ":(top)", ":(top,exclude)dvc.lock")
-    tags = {
+    code = code_tags()
+    tags = code | {
         "kind": STAGE,
         "family": family_of(stage),
         "stage": stage,
         "item": item or "",
         "profile": os.environ.get("PENTIMENTO_PROFILE", "default"),
-        "commit": commit,
-        "dirty": str(bool(changes)).lower(),
         "dvc_experiment": os.environ.get("DVC_EXP_NAME", ""),
         "mlflow.source.name": f"pipelines/{stage}.py",
-        "mlflow.source.git.commit": commit,
+        "mlflow.source.git.commit": code["commit"],
     }
-    return {name: value for name, value in (tags | _as_written(stage, item)).items() if value}
+    return {name: value for name, value in (tags | _as_written(stage, item) | group_tags()).items() if value}
+
+
+def code_tags() -> dict[str, str]:
+    """Return git's commit as a tag, empty outside a repository, and whether the working tree had changes."""
+    # The pipeline itself changes dvc.lock.
+    changes = _git("status", "--porcelain", "--", ":(top)", ":(top,exclude)dvc.lock")
+    return {"commit": _git("rev-parse", "HEAD"), "dirty": str(bool(changes)).lower()}
 
 
 def _as_written(stage: str, item: str | None) -> dict[str, str]:

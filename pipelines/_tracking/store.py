@@ -13,14 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pentimento.contracts.errors import PentimentoError
+from pipelines._tracking.families import experiment_tags
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 VARIABLE = "PENTIMENTO_EXECUTION"
 """Environment variable of a stage: the name of the execution that it belongs to."""
+GROUP_VARIABLE, SEED_VARIABLE = "PENTIMENTO_GROUP", "PENTIMENTO_SEED"
+"""Environment variables of a stage in a group of runs with different seeds; also tags `group` and `seed`."""
 EXECUTION, STAGE, PART = "execution", "stage", "part"
 """Values of the tag `kind`: a parent, a stage, a part of a stage."""
+_SQLITE = "sqlite:///"
+_DATABASES = (_SQLITE, "postgresql", "mysql", "mssql")
 _TEMPORARY = Path(".dvc/tmp/exps")
 """Where DVC runs queued experiments, in temporary copies of the repository."""
 
@@ -47,24 +52,65 @@ def open_store() -> "MlflowClient":
     """Return a client of the store; call inside `store_errors`, which sets the address."""
     from mlflow import MlflowClient
 
-    return MlflowClient(os.environ["MLFLOW_TRACKING_URI"])
+    address = os.environ["MLFLOW_TRACKING_URI"]
+    if address.startswith(_DATABASES):
+        _check_version(address)
+    return MlflowClient(address)
+
+
+def _check_version(address: str) -> None:
+    """Refuse a database of another version of MLflow, which would upgrade some by itself and fail in others."""
+    import mlflow
+    from alembic.runtime.migration import MigrationContext
+    from alembic.script import ScriptDirectory
+    from sqlalchemy import create_engine
+
+    if address.startswith(_SQLITE) and not Path(address.removeprefix(_SQLITE)).is_file():
+        return  # it is about to be created
+    engine = create_engine(address)
+    try:
+        with engine.connect() as connection:
+            revision = MigrationContext.configure(connection).get_current_revision()
+    finally:
+        engine.dispose()
+    known = ScriptDirectory(str(Path(mlflow.__file__).parent / "store/db_migrations"))
+    if revision is None or revision == known.get_current_head():
+        return
+    store = address if address.startswith(_SQLITE) else '"$MLFLOW_TRACKING_URI"'  # which may hold a password
+    if revision not in {script.revision for script in known.walk_revisions()}:
+        raise PentimentoError(
+            f"The database {store} is of a newer MLflow than {mlflow.__version__}, which does not know its revision "
+            f"{revision}; install that newer version, or set MLFLOW_TRACKING_URI to another store."
+        )
+    raise PentimentoError(
+        f"The database {store} is of an older MLflow than {mlflow.__version__}; copy it, then upgrade it by "
+        f"`.venv/bin/mlflow db upgrade {store}`."
+    )
 
 
 def experiment_id(client: "MlflowClient", name: str) -> str:
     """Return the id of the experiment `name`; create it where there is none."""
-    known = client.get_experiment_by_name(name)
+    known, tags = client.get_experiment_by_name(name), experiment_tags(name)
     if known is not None:
+        for tag in tags.keys() - known.tags.keys():  # of an earlier version; what a person wrote stays
+            client.set_experiment_tag(known.experiment_id, tag, tags[tag])
         return known.experiment_id
     uri = os.environ["MLFLOW_TRACKING_URI"]
     beside = Path(uri.removeprefix("sqlite:///")).parent / "mlartifacts"
     location = beside.as_uri() if uri.startswith("sqlite:////") else None  # a server has its own location
-    return client.create_experiment(name, artifact_location=location)
+    return client.create_experiment(name, artifact_location=location, tags=tags)
 
 
 def execution_name() -> str:
     """Return the name of the execution that this process belongs to; empty where it has none."""
     name = os.environ.get(VARIABLE) or os.environ.get("DVC_EXP_NAME", "")
     return name.replace("'", "")  # which MLflow's queries cannot hold
+
+
+def group_tags() -> dict[str, str]:
+    """Return the tags of this process's group of seeds; empty where it belongs to none."""
+    values = {"group": os.environ.get(GROUP_VARIABLE, ""), "seed": os.environ.get(SEED_VARIABLE, "")}
+    return {name: value for name, value in values.items() if value}
 
 
 def execution_run(client: "MlflowClient", experiment: str, execution: str, tags: dict[str, str]) -> str:

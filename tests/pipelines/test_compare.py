@@ -32,10 +32,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory, enter: Enter) -> Iterator[P
         yield folder
 
 
-def ask(*runs: str, last: int | None = None, stage: str | None = None, check: bool = False) -> None:
+def ask(
+    *runs: str, last: int | None = None, stage: str | None = None, check: bool = False, seeds: bool = False
+) -> None:
     compare.main(
         argparse.Namespace(
-            runs=runs, last=last, stage=stage, check=check, profile="default", out=Path("data/comparisons")
+            runs=runs, last=last, stage=stage, check=check, seeds=seeds, profile="default", out=Path("data/comparisons")
         )
     )
 

@@ -71,10 +71,44 @@ def screenshots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(named) if named else tmp_path_factory.getbasetemp() / "screenshots"
 
 
+def test_an_experiment_opens_on_its_training_runs(server: str, tab: Browser, screenshots: Path) -> None:
+    """After one click on *Model training* in a browser that never saw MLflow; no tabs of traces and judges."""
+    tab.goto(f"{server}/#/experiments")
+    tab.click(_named("Model training"))
+    tab.click(_named("pentimento/strokes"))
+    tab.wait(_seen("before"))
+    tab.screenshot(screenshots / "experiment.png")
+    assert "/runs" in tab.evaluate("location.hash")
+    said = tab.text()
+    assert "Judges" not in said and "Models" in said
+
+
+def test_pictures_of_runs_meet_in_the_image_grid(server: str, tab: Browser, screenshots: Path) -> None:
+    """In the chart view of the experiment, whose rows are executions."""
+    tab.goto(f"{server}/#/experiments/{_strokes(server)}/runs?compareRunsMode=CHART")
+    tab.wait(_seen("train_stroke_dynamics/marker/strokes"))
+    alike = "[...document.querySelectorAll('img')].filter(i => Math.abs(i.naturalWidth / i.naturalHeight - 1.5) < 0.02)"
+    tab.wait(f"{alike}.length === 2", 30)  # the pictures have 60 by 40 pixels; MLflow shows copies of another size
+    tab.screenshot(screenshots / "grid.png")
+
+
+def test_a_models_page_leads_to_data_run_and_files(server: str, tab: Browser, screenshots: Path) -> None:
+    run = next(run for run in History().runs if run.tags["execution"] == "after")
+    model = run.tags["model:models/stroke_marker_base/weights"]
+    tab.goto(f"{server}/#/experiments/{_strokes(server)}/models/{model}?workflowType=machine_learning")
+    for text in ("held_out.model.mse", "dvc://", "data/strokes", "Made by the robot in the studio"):
+        tab.wait(_seen(text), 30)
+    tab.screenshot(screenshots / "model.png")
+    described = f"[...document.querySelectorAll('a')].find(a => a.innerText === {run.name!r})"  # opens another tab
+    assert tab.evaluate(f"{described}.href").endswith(f"/#/experiments/{_strokes(server)}/runs/{run.id}")
+    tab.click(_named(run.id))
+    tab.wait(f"location.hash.includes({run.id!r})", 30)
+
+
 def test_which_is_better_is_three_clicks_away(server: str, tab: Browser, screenshots: Path) -> None:
     """Tick both executions, press Compare."""
     experiment = _strokes(server)
-    tab.goto(f"{server}/#/experiments/{experiment}/runs")
+    tab.goto(f"{server}/#/experiments/{experiment}/runs?workflowType=machine_learning")
     tab.tick(_box_of("before"), _box_of("after"))
     tab.wait(_button("Compare"))
     tab.screenshot(screenshots / "executions.png")
@@ -106,7 +140,15 @@ def test_a_runs_page_says_what_it_was_and_its_pictures_are_three_clicks_away(
 def test_is_it_luck_is_one_command(
     server: str, tab: Browser, screenshots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    parser_like = {"runs": (), "last": 2, "stage": None, "check": False, "profile": "default", "out": tmp_path}
+    parser_like = {
+        "runs": (),
+        "last": 2,
+        "stage": None,
+        "check": False,
+        "seeds": False,
+        "profile": "default",
+        "out": tmp_path,
+    }
     compare.main(compare.argparse.Namespace(**parser_like))
     assert "B is better; beyond luck" in capsys.readouterr().out
     (page,) = tmp_path.glob("*.html")

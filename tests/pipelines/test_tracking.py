@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pentimento.contracts.errors import PentimentoError
+from pentimento.contracts.images import write_png
 from pipelines._tracking import input_digest, tracked_run
 from pipelines._tracking.dvc_files import value_digest
 from pipelines._tracking.families import experiment_of
@@ -71,12 +73,13 @@ def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any
     Path("strokes").mkdir()
     Path("strokes/part").write_text("x")
     Path("strokes/README.md").write_text("---\nlicense: cc-by-4.0\n---\n# Strokes\n\nOf the atelier.\n")
-    Path("error.png").write_bytes(b"png")
+    write_png(Path("error.png"), np.full((4, 6, 3), 200, np.uint8))
     with tracked_run("paint", "colour", PARAMS, {"strokes": Path("strokes")}) as run:
         for step in range(250):
             run.log("loss", 1 / (1 + step), step)
         run.log_metrics({"gap": {"ours": 0.1, "text": "no number"}, "strokes": 300})
         run.log_picture(Path("error.png"))
+        run.log_picture(Path("error.png"), "brush (round)", step=3)
     kept = client.get_run(run.id)
     assert kept.info.run_name == "paint · colour"
     assert kept.info.status == "FINISHED"
@@ -89,7 +92,12 @@ def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any
     (used,) = kept.inputs.dataset_inputs
     assert (used.dataset.name, used.dataset.digest) == ("strokes", input_digest(Path("strokes")))
     assert {"source:strokes": "Of the atelier.", "licence:strokes": "cc-by-4.0"}.items() <= kept.data.tags.items()
-    assert [entry.path for entry in client.list_artifacts(run.id, "pictures")] == ["pictures/error.png"]
+    kept_files = {entry.path for entry in client.list_artifacts(run.id, "pictures")}
+    assert kept_files == {"pictures/error.png", "pictures/brush (round)"}
+    grid = {Path(entry.path).name.split("+timestamp")[0] for entry in client.list_artifacts(run.id, "images")}
+    assert grid == {"paint~colour~error+step+0", "paint~colour~brush _round_~error+step+3"}  # MLflow writes `/` as `~`
+    assert kept.data.metrics["system/cpu_s"] > 0
+    assert 20 < kept.data.metrics["system/peak_memory_mb"] < 100_000  # Python alone takes more, no machine has that
     assert (store / "mlartifacts").is_dir()
     assert json.loads(Path("data/timings/paint@colour.json").read_text())["run_id"] == run.id
     assert "paint@colour" in Path("data/timings/index.html").read_text()
@@ -164,6 +172,23 @@ def test_an_interrupted_run_is_not_continued_with_other_parameters(client: Any) 
         pass
     assert second.id != first.id
     assert client.get_run(first.id).info.status == "KILLED"
+
+
+def test_experiments_open_on_training_runs_and_keep_what_a_person_wrote(client: Any) -> None:
+    """Also those of an earlier version, which had no tags."""
+    written = experiment_of("paint_by_meaning"), experiment_of("sculpt")
+    for name in written:
+        if client.get_experiment_by_name(name) is None:
+            client.create_experiment(name)
+    painting, sculpting = (client.get_experiment_by_name(name).experiment_id for name in written)
+    client.set_experiment_tag(sculpting, "mlflow.note.content", "Ours.")
+    for stage in ("paint", "sculpt"):
+        with tracked_run(stage, None, PARAMS, {}):
+            pass
+    tags = [client.get_experiment(each).tags for each in (painting, sculpting)]
+    assert {each["mlflow.experimentKind"] for each in tags} == {"custom_model_development"}
+    assert "`error.with_replanning` of `paint`" in tags[0]["mlflow.note.content"]
+    assert tags[1]["mlflow.note.content"] == "Ours."
 
 
 def test_a_run_that_is_gone_from_the_store_is_not_continued(client: Any) -> None:
