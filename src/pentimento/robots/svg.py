@@ -123,8 +123,8 @@ class SvgPlotter:
         width_mm, height_mm = (_mm(side) for side in self._canvas_size_m)
         head = (
             f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="{_INKSCAPE}" '
-            f'width="{width_mm}mm" height="{height_mm}mm" viewBox="0 0 {width_mm} {height_mm}" fill="none" stroke-linecap="round" '
-            'stroke-linejoin="round">'
+            f'width="{width_mm}mm" height="{height_mm}mm" viewBox="0 0 {width_mm} {height_mm}" '
+            'fill="none" stroke-linecap="round" stroke-linejoin="round">'
         )
         lines = ['<?xml version="1.0" encoding="UTF-8"?>', head]
         for number, (color, paths) in enumerate(self._layers.items(), 1):
