@@ -19,11 +19,11 @@ def ran(example: str) -> dict[str, Any]:
 
 
 def test_five_lines_render_a_stroke_and_give_the_gradient_of_the_loss() -> None:
-    """Checked by a finite difference of every coordinate, which jumps a little where pixels enter the mark."""
+    """Checked by a finite difference of every coordinate."""
     found = ran(EXAMPLES[0])
     assert len([line for line in EXAMPLES[0].splitlines() if line and "import" not in line]) <= 5
     image, strokes = found["image"], found["strokes"]
-    assert image[0, 12, 32].max() < 0.05 and image[0, 0, 0].min() == 1.0
+    assert image[0, 13, 30].max() < 0.05 and image[0, 0, 0].min() == 1.0
 
     def loss(points: np.ndarray) -> float:
         moved = PixelStrokes(points, *strokes[1:])
@@ -34,7 +34,7 @@ def test_five_lines_render_a_stroke_and_give_the_gradient_of_the_loss() -> None:
         shift = np.zeros_like(strokes.points)
         shift[index] = step
         slope = (loss(strokes.points + shift) - loss(strokes.points - shift)) / (2 * step)
-        assert found["gradients"].points[index] == pytest.approx(slope, rel=0.02, abs=0.02)
+        assert found["gradients"].points[index] == pytest.approx(slope, rel=1e-3, abs=1e-3)
 
 
 def test_a_stroke_finds_its_target_by_gradient() -> None:
