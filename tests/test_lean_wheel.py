@@ -71,3 +71,4 @@ def test_the_wheel_without_extras_paints_without_torch(tmp_path: Path) -> None:
     constraints = ROOT / "constraints.txt"
     run(*pip, "--python", python, "install", "--no-compile", "-c", constraints, wheel, cwd=tmp_path)
     run(python, "-I", "-W", "error", "-c", PAINT, cwd=tmp_path)
+    run(python.with_name("pentimento"), "doctor", cwd=tmp_path)  # nothing that a robot's computer needs is missing

@@ -47,10 +47,15 @@ def pipeline(folder: Path) -> None:
     assert (folder / "ran.log").read_text() == "learn report "
 
 
+def git(folder: Path, *arguments: str) -> None:
+    """Git with an author."""
+    run(folder, "git", "-c", "user.name=a", "-c", "user.email=a@example.org", *arguments)
+
+
 def clone(first: Path, second: Path) -> None:
     """As git has it, with all that is committed."""
     run(first, "git", "add", ".")
-    run(first, "git", "-c", "user.name=a", "-c", "user.email=a@example.org", "commit", "-qm", "Results")
+    git(first, "commit", "-qm", "Results")
     run(first.parent, "git", "clone", "-q", str(first), str(second))
     assert not (second / "report.html").exists()
 
@@ -111,3 +116,25 @@ def test_a_second_clone_pulls_from_a_server_that_speaks_s3(
         written = b"".join(file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file())
         for secret in ("painter-of-the-team", "pentimento-s3cret"):
             assert secret not in said and secret.encode() not in written
+
+
+def test_a_robot_gets_the_version_of_a_bundle_by_its_name(tmp_path: Path) -> None:
+    """From git's address alone, without a clone and without the rest of the pipeline; versions are GTO's tags."""
+    first, robot = tmp_path / "first", tmp_path / "robot"
+    pipeline(first)
+    artifact = "artifacts:\n  bundle: {path: model, type: bundle, desc: What the robot runs}\n"
+    (first / "dvc.yaml").write_text(PIPELINE + artifact)
+    dvc(first, "remote", "add", "-q", "--default", "shared", str(tmp_path / "shared"))
+    dvc(first, "push", "-q")
+    clone(first, tmp_path / "second")
+    git(first, "tag", "-am", "First", "bundle@v1.0.0")
+    (first / "dvc.yaml").write_text((PIPELINE + artifact).replace("'learned'", "'learned more'"))
+    dvc(first, "repro", "-q")
+    dvc(first, "push", "-q")
+    git(first, "commit", "-qam", "More")
+    git(first, "tag", "-am", "Second", "bundle@v1.1.0")
+    robot.mkdir()
+    for out, version, learned in (("newest", (), "learned more"), ("old", ("--rev", "v1.0.0"), "learned")):
+        dvc(robot, "artifacts", "get", f"file://{first}", "bundle", *version, "--out", out)
+        assert (robot / out / "weights").read_text() == learned
+    assert sorted(path.name for path in robot.iterdir()) == ["newest", "old"]

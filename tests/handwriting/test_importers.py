@@ -15,8 +15,8 @@ from pentimento.handwriting.json_recordings import read_quickdraw, read_tablet
 from pentimento.handwriting.motion_capture import C3D, OptiTrack, read_c3d, read_optitrack
 from pentimento.handwriting.recording import XY, Z
 from pentimento.handwriting.repair import Limits
-from pentimento.handwriting.svg_path_data import flattened
-from pentimento.handwriting.svg_paths import read_svg
+from pentimento.handwriting.svg_recordings import read_svg
+from pentimento.svg.path_data import flattened
 
 KNOWN = OptiTrack("Canvas", "Pen", pen_length_m=0.15, tip_axis=(0.0, -1.0, 0.0), contact_m=2e-3)
 

@@ -9,7 +9,7 @@ from resvg_py import svg_to_bytes
 
 from pentimento.contracts.errors import ContractError
 from pentimento.handwriting.recording import XY
-from pentimento.handwriting.svg_paths import read_svg
+from pentimento.handwriting.svg_recordings import read_svg
 
 SIDE_MM = 100
 PX_A_MM = 4
@@ -168,7 +168,7 @@ def test_what_is_not_understood_is_refused_by_name(tmp_path: Path, content: str,
 
 
 def test_parts_that_repeat_each_other_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pentimento.handwriting.svg_paths._MAX_ELEMENTS", 1000)
+    monkeypatch.setattr("pentimento.svg.drawing._MAX_ELEMENTS", 1000)
     with pytest.raises(ContractError, match="more than 1000 times"):
         strokes_mm(tmp_path, svg(MANY))
 

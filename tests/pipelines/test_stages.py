@@ -50,3 +50,20 @@ def test_no_output_stands_at_or_above_a_tracked_file() -> None:
         pattern = re.sub(r"\$\{.*?\}", "*", out)
         inside = [file for file in listed.stdout.splitlines() if fnmatch(f"{file}/", f"{pattern}/*")]
         assert not inside, f"{out} holds files that git tracks: {inside}"
+
+
+def test_every_model_and_the_bundle_has_a_name_by_which_dvc_gets_it() -> None:
+    """`dvc artifacts get` and GTO tags know artifacts; a card beside the weights tells more."""
+    written = read_yaml(ROOT / "dvc.yaml")
+    lists = {key: names for entry in written["vars"] for key, names in entry.items()}
+    models = set[str]()
+    for stage in STAGES.values():
+        for out in (out for out in stage["outs"] if out.startswith("models/")):
+            keys = [re.sub(r"[${}]", "", listed) for listed in stage.get("matrix", {}).values()]
+            names = [name for key in keys for name in lists[key]] or [""]
+            models |= {re.sub(r"\$\{.*?\}", name, out) for name in names}
+    artifacts = written["artifacts"]
+    assert {entry["path"] for entry in artifacts.values()} == models
+    for name, entry in artifacts.items():
+        assert name == entry["path"].removeprefix("models/").removesuffix("/weights")
+        assert entry["type"] in ("model", "bundle") and entry["desc"]

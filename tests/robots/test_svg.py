@@ -13,6 +13,7 @@ from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import load_tool
 
 CANVAS_M = (0.3, 0.2)
+INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -55,7 +56,7 @@ def test_strokes_come_back_in_metres_from_the_file(tmp_path: Path) -> None:
     assert root.tag == SVG + "svg"
     assert (root.attrib["width"], root.attrib["height"]) == ("300mm", "200mm")
     assert root.attrib["viewBox"] == "0 0 300 200"
-    elements = root.findall(SVG + "path")
+    elements = root.findall(f"{SVG}g/{SVG}path")
     assert len(elements) == len(paths)
     for element, path in zip(elements, paths, strict=True):
         (points_m,) = subpaths_m(element, CANVAS_M[1])
@@ -71,7 +72,7 @@ def test_up_on_the_canvas_is_up_on_the_page(tmp_path: Path) -> None:
     robot = plotter(target)
     robot.move(stroke((0, 0.2, -1e-3), (0, 0, -1e-3)))
     robot.close()
-    assert ElementTree.parse(target).getroot()[0].attrib["d"] == "M0,0 L0,200"
+    assert ElementTree.parse(target).getroot()[0][0].attrib["d"] == "M0,0 L0,200"
 
 
 def test_what_is_lifted_is_not_drawn(tmp_path: Path) -> None:
@@ -81,7 +82,7 @@ def test_what_is_lifted_is_not_drawn(tmp_path: Path) -> None:
     robot.move(stroke((0.1, 0.1, 1e-3), (0.14, 0.1, -3e-3), (0.16, 0.1, 3e-3), (0.2, 0.1, 3e-3), (0.2, 0.14, -1e-3)))
     robot.move(stroke((0.1, 0.1, 1e-3), (0.2, 0.1, 1e-3)))
     robot.close()
-    (element,) = ElementTree.parse(target).getroot()
+    ((element,),) = ElementTree.parse(target).getroot()
     first, second = subpaths_m(element, CANVAS_M[1])
     assert first == pytest.approx(np.array([[0.11, 0.1], [0.14, 0.1], [0.15, 0.1]]), abs=1e-7)
     assert second == pytest.approx(np.array([[0.2, 0.13], [0.2, 0.14]]), abs=1e-7)
@@ -95,17 +96,17 @@ def test_a_dipped_tool_draws_in_the_paint_of_its_last_dip(tmp_path: Path) -> Non
     path = stroke((0.1, 0.1, -1e-3), (0.2, 0.1, -1e-3))
     with pytest.raises(ContractError, match="no paint"):
         robot.move(path)
-    for paint in (1, 0):
+    for paint in (1, 0, 1):
         robot.wipe()
         robot.dip(paint)
         robot.move(path)
     with pytest.raises(ContractError, match="Paint 2"):
         robot.dip(2)
     robot.close()
-    assert [element.attrib["stroke"] for element in ElementTree.parse(target).getroot()] == [
-        "#0033ff",
-        "#ff0000",
-    ]
+    layers = list(ElementTree.parse(target).getroot())
+    assert [[element.attrib["stroke"] for element in layer] for layer in layers] == [["#0033ff"] * 2, ["#ff0000"]]
+    assert [layer.attrib[f"{INKSCAPE}groupmode"] for layer in layers] == ["layer", "layer"]
+    assert [layer.attrib[f"{INKSCAPE}label"] for layer in layers] == ["1 #0033ff", "2 #ff0000"]
 
 
 def test_a_failed_write_leaves_the_old_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

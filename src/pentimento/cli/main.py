@@ -6,11 +6,11 @@ import argparse
 import sys
 from typing import Any
 
-from pentimento.cli import Command, diagnose, new, record, recordings, robot
+from pentimento.cli import Command, diagnose, doctor, new, record, recordings, robot
 from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.output import escape_unknown_letters
 
-COMMANDS = (diagnose.COMMAND, *robot.COMMANDS, record.COMMAND, *recordings.COMMANDS, new.COMMAND)
+COMMANDS = (diagnose.COMMAND, *robot.COMMANDS, record.COMMAND, *recordings.COMMANDS, new.COMMAND, doctor.COMMAND)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,7 +1,8 @@
 """dvc.yaml and params.yaml, edited as text, so that comments and layout stay as they are.
 
 Tools, settings and materials are lists in dvc.yaml, one line each under `vars`. A comment `# each LIST: PATTERN...`
-stands above the paths that are written for each name of the list, with the name in place of `{}`.
+stands above the paths that are written for each name of the list, with the name in place of `{}`; after
+`# each LIST as: LINE`, a whole line is.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 
 from pentimento.contracts.errors import ConfigError
 
-_EACH = re.compile(r"( *)# each (\w+): (.+)")
+_EACH = re.compile(r"( *)# each (\w+)( as)?: (.+)")
 
 
 def names_in(text: str, name: str) -> list[str]:
@@ -30,7 +31,7 @@ def with_name(text: str, name: str, new: str) -> str:
 
 
 def with_listed_paths(text: str) -> str:
-    """Return dvc.yaml's text with the paths under every `# each` comment written again."""
+    """Return dvc.yaml's text with the lines under every `# each` comment written again."""
     lines: list[str] = []
     stale: re.Pattern[str] | None = None  # lines below the last comment that an earlier run wrote
     for line in text.splitlines():
@@ -39,10 +40,11 @@ def with_listed_paths(text: str) -> str:
         stale = None
         lines.append(line)
         if (each := _EACH.fullmatch(line)) is not None:
-            indent, patterns = each[1], each[3].split()
-            stale = re.compile(" *- (?:{})".format("|".join(re.escape(p).replace(r"\{\}", r"\w+") for p in patterns)))
+            indent = each[1]
+            patterns = [each[4]] if each[3] else [f"- {path}" for path in each[4].split()]
+            stale = re.compile(" *(?:{})".format("|".join(re.escape(p).replace(r"\{\}", r"\w+") for p in patterns)))
             listed = names_in(text, each[2])
-            lines += [f"{indent}- {pattern.replace('{}', name)}" for pattern in patterns for name in listed]
+            lines += [indent + pattern.replace("{}", name) for pattern in patterns for name in listed]
     return "\n".join(lines) + "\n"
 
 

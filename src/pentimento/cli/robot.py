@@ -24,6 +24,7 @@ _OF_PAINT = (
     "robot",
     "setting",
     "goal_image",
+    "goal_svg",
     "goal_text",
     "listen",
     "sound_model",
@@ -37,12 +38,14 @@ _OF_PAINT = (
     "turns",
     "choices",
 )
+_OF_A_PLAN = ("strokes", "weights", "hand")
 _STUDIO_CHOICES = 3  # goals to choose from
 _NOT_OF_CLAY = "clay is sculpted in the studio, without {}; leave it out."
 _OF_A_NEW_RUN = (
     "robot",
     "setting",
     "goal_image",
+    "goal_svg",
     "strokes",
     "replan_every",
     "weights",
@@ -77,9 +80,13 @@ def _run(arguments: argparse.Namespace) -> None:
         text = heard.words
         _tell(f"Heard: {text}")
     if commission is None:
-        picture = None if arguments.goal_image is None else Wanted("picture", str(arguments.goal_image.resolve()))
+        wanted = Wanted("words", text)
+        if arguments.goal_image is not None:
+            wanted = Wanted("picture", str(arguments.goal_image.resolve()))
+        if arguments.goal_svg is not None:
+            wanted = Wanted("drawing", str(arguments.goal_svg.resolve()))
         commission = commission_of(
-            bundle, picture or Wanted("words", text), tell=_tell, setting=arguments.setting,
+            bundle, wanted, tell=_tell, setting=arguments.setting,
             robot=arguments.robot or "virtual", execute=arguments.execute, strokes=arguments.strokes,
             replan_every=arguments.replan_every, seed=arguments.seed, weights=_weights(arguments.weights),
             hand=arguments.hand,
@@ -240,6 +247,8 @@ def _problem_of_run(arguments: argparse.Namespace) -> str | None:
         return "--sound-model is for what --listen FILE or the page hears; give one of them."
     if arguments.as_typed and arguments.listen is None:
         return "--as-typed is for a wish that --listen FILE hears; give that, or leave it out."
+    if arguments.goal_svg is not None and (planned := given(arguments, _OF_A_PLAN)):
+        return f"--goal-svg is a plan already, which {', '.join(planned)} would change; leave it out."
     clay = given(arguments, _OF_CLAY)
     if not clay:
         return None
@@ -314,6 +323,13 @@ COMMANDS = (
                 metavar="FILE",
                 exclusive="goal",
                 help="paint this picture; with --material, sculpt it: what is light is high",
+            ),
+            option(
+                "--goal-svg",
+                type=Path,
+                metavar="FILE",
+                exclusive="goal",
+                help="draw the lines of this SVG file as they are: the drawing is the plan",
             ),
             option(
                 "--goal-text",

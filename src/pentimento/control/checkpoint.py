@@ -22,6 +22,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.contracts.observations import Scan
 from pentimento.control.sculptor import Outcome, SculptureProgress
 from pentimento.planning.strokes.bezier import Strokes
+from pentimento.planning.strokes.fixed import FixedStrokes, as_rows
 from pentimento.planning.strokes.latent import StyleDecoder, decoder_bytes, decoder_from
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.planning.strokes.shapes import ShapedStrokes
@@ -144,6 +145,9 @@ def save_state(folder: Path, state: PaintingState) -> None:
     }
     strokes = state.remaining
     arrays: Arrays = {f"strokes_{name}": getattr(strokes, name) for name in strokes.row_arrays}
+    if isinstance(strokes, FixedStrokes):  # lines of any length, one after the other
+        arrays["strokes_lines"] = np.concatenate([np.zeros((0, 2)), *strokes.lines])
+        arrays["points_of_lines"] = np.array([len(line) for line in strokes.lines], np.int64)
     if isinstance(strokes, ShapedStrokes):
         assert isinstance(strokes.shapes, StyleDecoder)  # the runner has no other shapes
         arrays["decoder"] = np.frombuffer(decoder_bytes(strokes.shapes), np.uint8)
@@ -186,6 +190,9 @@ def _painting(values: dict[str, Any], arrays: Arrays) -> PaintingState:
 
 
 def _strokes(values: dict[str, Any], arrays: Arrays) -> PlannedPaths:
+    if "points_of_lines" in arrays:
+        pieces = np.split(arrays["strokes_lines"], np.cumsum(arrays["points_of_lines"]))[:-1]
+        return FixedStrokes(as_rows(pieces), *(arrays[f"strokes_{name}"] for name in FixedStrokes.row_arrays[1:]))
     if "decoder" not in arrays:
         return Strokes(*(arrays[f"strokes_{name}"] for name in Strokes.row_arrays))
     rows = (arrays[f"strokes_{name}"] for name in ShapedStrokes.row_arrays)

@@ -21,11 +21,11 @@ _NAME: Final = "commission.json"
 
 @dataclass(frozen=True)
 class Wanted:
-    """The source of the goal picture."""
+    """The source of the goal picture, or the drawing that is the plan."""
 
-    kind: Literal["picture", "words"]
+    kind: Literal["picture", "words", "drawing"]
     value: str
-    """A picture's file, or a person's words; "" asks only to complete what is on the canvas."""
+    """A picture's or an SVG drawing's file, or a person's words; "" asks only to complete what is on the canvas."""
 
 
 @dataclass(frozen=True)

@@ -276,8 +276,9 @@ def first_plan(
 def replanned(
     context: PaintContext, remaining: S, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
 ) -> S:
-    """The remaining strokes, replanned on the canvas as it is now (thesis 4.3.5); see ``replan_rest``."""
-    if not len(remaining):
+    """The remaining strokes, replanned on the canvas as it is now (thesis 4.3.5); see ``replan_rest``. Fixed strokes
+    stay as they are."""
+    if not len(remaining) or remaining.is_fixed:
         return _copy(remaining)
     context = context.of(remaining)
     scene = context.scene(as_linear(goal), start)
@@ -288,6 +289,8 @@ def replanned_and_pruned(
     context: PaintContext, remaining: S, canvas: Image, *, goal: Image, start: Start, palette_srgb: FloatArray
 ) -> S:
     """``replanned`` on a canvas that a person has changed: strokes that increase the objective now are removed."""
+    if remaining.is_fixed:
+        return _copy(remaining)
     context = context.of(remaining)
     moved = replanned(context, remaining, canvas, goal=goal, start=start, palette_srgb=palette_srgb)
     return without_useless(moved, as_linear(canvas), context.scene(as_linear(goal), start), context.planner)

@@ -31,6 +31,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.control.checkpoint import PaintingState, has_state, load_state
 from pentimento.control.commission import Commission, Wanted, Weights, exclusive, write_commission
+from pentimento.control.drawing import drawn_plan
 from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.goal import GoalSampling, centred_square, goal_from_picture, goal_from_words
 from pentimento.control.guard import GuardedRobot
@@ -41,7 +42,7 @@ from pentimento.control.painter import PaintContext, as_linear, objective_value
 from pentimento.control.person import Control, Progress
 from pentimento.control.pictures import GOAL, PLAN
 from pentimento.control.request import MAX_THINGS, Understood, understand
-from pentimento.control.safety import envelope_for
+from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.control.saved import saved_files, write_drawings
 from pentimento.control.session import begin
 from pentimento.control.session import resume as resume_session
@@ -105,6 +106,7 @@ def commission_of(
         ConfigError: the bundle has several settings to begin with, and none is named; the words are not understood; or
             words are to weigh, and a picture is the goal.
         ImageError: the goal picture cannot be read.
+        ContractError, EnvelopeViolation: the drawing cannot be read, or not be made.
     """
     opened = open_bundle(bundle)
     if weights is not None and weights.text > 0 and wanted.kind == "picture":
@@ -116,7 +118,7 @@ def commission_of(
     # These are checked here, so that an error leaves no folder behind.
     if wanted.kind == "picture":
         read_image(Path(wanted.value))
-    elif wanted.value:
+    elif wanted.kind == "words" and wanted.value:
         for message in understand(wanted.value, opened.vocabulary).messages():
             tell(message)
     # A tool with its own ink needs no paints, so it is the one to begin with.
@@ -125,6 +127,11 @@ def commission_of(
         raise ConfigError(f"The bundle has the settings {', '.join(sorted(opened.tools))}; choose one with --setting.")
     name = names[0] if setting is None else setting
     defaults = opened.setting(name)
+    if wanted.kind == "drawing":
+        rig = rig_named(robot)
+        canvas_size_m = _canvas_size_m(defaults.canvas_m, rig)
+        envelope = _envelope(opened, name, canvas_size_m, rig)
+        tell(drawn_plan(Path(wanted.value), opened.tools[name], canvas_size_m, envelope).sentence)
     return Commission(
         bundle=str(bundle.resolve()),
         digest=opened.digest,
@@ -188,8 +195,7 @@ def run(
             if page is not None and served is not None:
                 page(served.address)
             graphs = Graphs(bundle, _threads())
-            envelope = setting.envelope.tightened(envelope_for(tool, canvas_size_m))
-            envelope = envelope if rig is None else envelope.narrowed(rig.limits)
+            envelope = _envelope(bundle, commission.setting, canvas_size_m, rig)
             context = _paint_context(graphs, commission, canvas_size_m, envelope.max_speed_m_s)
             goals_for = _goals_for(
                 graphs, context, setting=commission.setting, seed=commission.seed, in_turns=turns.in_turns,
@@ -213,7 +219,11 @@ def run(
                         in_turns=turns.in_turns,
                     )  # fmt: skip
                     if not has_state(folder):
-                        begin(session, first_goal, log=_planning_log(progress, context.in_hand(control.hand).planner))
+                        drawn = None
+                        if commission.wanted.kind == "drawing":
+                            drawn = drawn_plan(Path(commission.wanted.value), tool, canvas_size_m, envelope)
+                        log = _planning_log(progress, context.in_hand(control.hand).planner)
+                        begin(session, first_goal, log=log, drawn=drawn)
                     ended = resume_session(session, wish if ended is None else "", expression)
             for message in write_drawings(folder, tool, canvas_size_m):
                 progress.message(message)
@@ -273,7 +283,7 @@ def _first_goal(
     if wanted.kind == "picture":
         picture = read_image(Path(wanted.value))
         return lambda canvas: goal_from_picture(picture, canvas, context.tool)
-    if in_turns and not wanted.value:
+    if wanted.kind == "drawing" or (in_turns and not wanted.value):
         return lambda canvas: canvas  # the person begins
 
     def first(canvas: Picture) -> Picture:
@@ -343,6 +353,12 @@ def _pen(tool: Tool, canvas_size_m: tuple[float, float]) -> Pen:
     """What a person draws with on the page: the robot's tool."""
     color = None if tool.color_srgb is None else "#" + "".join(f"{round(255 * c):02x}" for c in tool.color_srgb)
     return Pen(tool.nominal_width_m / canvas_size_m[0], color)
+
+
+def _envelope(bundle: Bundle, setting: str, canvas_size_m: tuple[float, float], rig: Rig | None) -> SafetyEnvelope:
+    """The limits of the bundle, of the tool and of the rig."""
+    envelope = bundle.setting(setting).envelope.tightened(envelope_for(bundle.tools[setting], canvas_size_m))
+    return envelope if rig is None else envelope.narrowed(rig.limits)
 
 
 def _canvas_size_m(setting_m: tuple[float, float], rig: Rig | None) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from pentimento.contracts.images import write_png
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.control.camera import Camera, PaintingFault, visible_mark, visible_share
 from pentimento.control.checkpoint import PaintingState, Phase, load_state, save_state
+from pentimento.control.drawing import DrawnPlan
 from pentimento.control.execute import execute_stroke
 from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.guard import Watchdog
@@ -68,12 +69,14 @@ def begin(
     goal_for: Callable[[Picture], Picture],
     *,
     log: Callable[[str, float, int], None],
+    drawn: DrawnPlan | None = None,
 ) -> PaintingState:
     """Observe the canvas, compute the goal, plan, and save the first state. Nothing moves.
 
     Args:
         goal_for: the goal for a canvas, uint8 sRGB [H, W, 3] both.
         log: called with the objective at every iteration of the planner.
+        drawn: a drawing that is the plan; the goal is then what it leaves on the canvas.
     """
     robot, context = session.robot, session.context
     robot.change_tool(context.tool)
@@ -82,11 +85,16 @@ def begin(
     if session.traits.has_camera:
         calibrated = session.traits.calibrated
         canvas = Camera(robot, context.canvas_size_m, scale, calibrated=calibrated).observe().picture
-    goal = goal_for(canvas)
     start = Start(fresh_memory(context.canvas_size_m, context.tool.nominal_width_m), 0.0, 0)
-    remaining, palette = first_plan(
-        _asked(session).in_hand(session.control.hand), canvas, goal, count=session.strokes, start=start, log=log
-    )
+    remaining: PlannedPaths
+    if drawn is None:
+        goal = goal_for(canvas)
+        remaining, palette = first_plan(
+            _asked(session).in_hand(session.control.hand), canvas, goal, count=session.strokes, start=start, log=log
+        )
+    else:
+        remaining, palette = drawn.strokes, drawn.palette_srgb
+        goal = as_picture(predict_canvas(context, remaining, canvas, start))
     state = PaintingState(
         remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
         executed=0, sessions=0, shard=0, turns=0, lines=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),

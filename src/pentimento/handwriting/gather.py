@@ -20,7 +20,7 @@ from pentimento.handwriting.json_recordings import read_quickdraw, read_tablet
 from pentimento.handwriting.motion_capture import C3D, OptiTrack, read_c3d, read_optitrack
 from pentimento.handwriting.recording import PRESSURE, Recording, plausible, standardise, to_source
 from pentimento.handwriting.repair import Limits, Repaired, repair_all
-from pentimento.handwriting.svg_paths import read_svg
+from pentimento.handwriting.svg_recordings import read_svg
 
 _NAME: Final = re.compile(r"(?![.\s])[^/\\\x00-\x1f\x7f]{1,80}(?<!\s)")
 _TAKEN: Final = ("bezier", "blank", "map", "nobody", "strokes", "target")

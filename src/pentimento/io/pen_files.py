@@ -14,12 +14,13 @@ from pentimento.contracts.demonstrations import CONTRACT
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import arrow_schema
 from pentimento.handwriting.recording import XY, Recording, plausible, standardise, turned
-from pentimento.handwriting.svg_paths import NoSizeError, read_svg
+from pentimento.handwriting.svg_recordings import read_svg
 from pentimento.io.contact_sheet import shown_paths, write_with_sheet
 from pentimento.io.inkml import read_inkml
 from pentimento.io.pen_strokes import PenFile, PenStroke
 from pentimento.io.stroke_rows import COMMAND, Imported, RecordedPath, counted, path_fault
 from pentimento.io.unipen import read_unipen
+from pentimento.svg.drawing import NoSizeError
 
 FloatArray = NDArray[np.float64]
 

@@ -17,6 +17,9 @@ from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
 
+_INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
+"""Namespace of the attributes that make a group a layer."""
+
 
 class SvgPlotter:
     """A Robot that draws each stroke as one SVG path; `close()` writes the file.
@@ -25,6 +28,9 @@ class SvgPlotter:
     (1000 x, 1000 (height − y)). Only what touches the canvas (z ≤ 0) is drawn: a lift within a stroke leaves
     a gap, and a stroke entirely in the air makes no path. Press, speed and yaw are not drawn; the line has
     the tool's nominal width.
+
+    Each colour is a layer, as Inkscape and vpype know them, in the order of first use; a layer's strokes are in the
+    order in which they were made. Where strokes of several colours overlap, the drawing shows the later layer on top.
     """
 
     def __init__(self, path: Path, canvas_size_m: tuple[float, float]) -> None:
@@ -34,7 +40,8 @@ class SvgPlotter:
         self._tool: Tool | None = None
         self._palette_srgb: FloatArray = np.zeros((0, 3))
         self._color_srgb: FloatArray | None = None
-        self._lines: list[str] = []
+        self._layers: dict[str, list[str]] = {}
+        """The paths of each colour."""
         self._closed = False
 
     @property
@@ -78,9 +85,9 @@ class SvgPlotter:
         points = np.asarray(path, dtype=np.float64)
         data = _path_data(points, self._canvas_size_m[1])
         if data:
-            self._lines.append(
-                f"<path d={quoteattr(data)} stroke={quoteattr(_hex(self._color_srgb))} "
-                f'stroke-width="{_mm(self._tool.nominal_width_m)}"/>'
+            color = _hex(self._color_srgb)
+            self._layers.setdefault(color, []).append(
+                f'<path d={quoteattr(data)} stroke="{color}" stroke-width="{_mm(self._tool.nominal_width_m)}"/>'
             )
         self._clock_s += float(points[-1, 0])
         return np.full(points.shape, np.nan)
@@ -98,7 +105,7 @@ class SvgPlotter:
         raise MissingAbilityError("An SVG plotter has no scanner; use a robot with one.")
 
     def new_sheet(self) -> None:
-        if self._lines:
+        if self._layers:
             raise ContractError(
                 f"One SVG file is one sheet and {self._path} has strokes; close it and open another SvgPlotter."
             )
@@ -115,11 +122,15 @@ class SvgPlotter:
         """The drawing so far."""
         width_mm, height_mm = (_mm(side) for side in self._canvas_size_m)
         head = (
-            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width_mm}mm" height="{height_mm}mm" '
-            f'viewBox="0 0 {width_mm} {height_mm}" fill="none" stroke-linecap="round" '
-            'stroke-linejoin="round">'
+            f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="{_INKSCAPE}" '
+            f'width="{width_mm}mm" height="{height_mm}mm" viewBox="0 0 {width_mm} {height_mm}" '
+            'fill="none" stroke-linecap="round" stroke-linejoin="round">'
         )
-        return "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', head, *self._lines, "</svg>", ""))
+        lines = ['<?xml version="1.0" encoding="UTF-8"?>', head]
+        for number, (color, paths) in enumerate(self._layers.items(), 1):
+            name = f'id="layer{number}" inkscape:groupmode="layer" inkscape:label="{number} {color}"'
+            lines += [f"<g {name}>", *paths, "</g>"]
+        return "\n".join((*lines, "</svg>", ""))
 
 
 def _path_data(path: FloatArray, height_m: float) -> str:

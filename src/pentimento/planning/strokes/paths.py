@@ -32,6 +32,8 @@ class PlannedPaths(ABC):
     """Names of the arrays that have one row for each stroke."""
     holds_covariates: ClassVar[bool]
     """Whether inherited covariates are computed once for a descent. Otherwise they are computed at each iteration."""
+    is_fixed: ClassVar[bool] = False
+    """The strokes are executed as they are: no planner moves, adds or removes one."""
     theta_rad: Array
     """[S] heading."""
     color: Array

@@ -1,4 +1,4 @@
-"""Import of SVG drawings as strokes: the outlines that a viewer shows, at their size, flattened, with y up.
+"""The one reader of SVG drawings: the outlines that a viewer shows, at their size, flattened, with y up.
 
 Drawn are `path` and the basic shapes, also within groups, links, nested `svg`, and by `use`; transforms, viewports,
 hidden layers and style sheets are followed. Outlines count, not how they are painted: what is seen only as a filling
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -23,10 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
-from pentimento.handwriting.recording import Recording, recording
-from pentimento.handwriting.svg_path_data import ellipse, flattened, places, rectangle
-from pentimento.handwriting.svg_style import Style, StyleSheet, hidden_paint, transparent
-from pentimento.handwriting.svg_transforms import (
+from pentimento.svg.path_data import ellipse, flattened, places, rectangle
+from pentimento.svg.style import Style, StyleSheet, hidden_paint, transparent
+from pentimento.svg.transforms import (
     PX_M,
     Size,
     fitted,
@@ -39,7 +38,29 @@ from pentimento.handwriting.svg_transforms import (
 )
 
 FloatArray = NDArray[np.float64]
-Strokes = list[FloatArray]
+
+
+class Line(NamedTuple):
+    """A subpath, or the outline of a shape."""
+
+    points: FloatArray
+    """[K, 2]"""
+    paint: str
+    """Of its line, or else of its filling, as SVG has it: `#102030`, `navy`, `url(#gradient)`."""
+
+
+Lines = list[Line]
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """What a file draws, in metres from the origin of its user units, y up."""
+
+    lines: Lines
+    """In the order of drawing."""
+    page_m: tuple[float, float, float, float] | None
+    """Left, bottom, width and height of its page: the viewBox, or else width and height; None where it has neither."""
+
 
 _NAMESPACE: Final = "{http://www.w3.org/2000/svg}"
 _NOT_DRAWN: Final = frozenset((
@@ -62,8 +83,8 @@ class NoSizeError(ContractError):
     """A drawing does not say how large it is."""
 
 
-def read_svg(path: Path, session: str, hand: str, unit_m: float | None, *, css_pixels: bool = False) -> list[Recording]:
-    """Each subpath of a drawing as a stroke, in the order of drawing. Times and pressures are unknown.
+def read_drawing(path: Path, unit_m: float | None, *, css_pixels: bool = False) -> Drawing:
+    """Read a file.
 
     Args:
         unit_m: length of a user unit of the outermost `svg`. None: from its width or height (mm, cm, in, pt, pc, Q)
@@ -84,28 +105,38 @@ def read_svg(path: Path, session: str, hand: str, unit_m: float | None, *, css_p
     if root.tag.removeprefix(_NAMESPACE) != "svg":
         raise ContractError(f"{path} holds <{root.tag[:60]}> and no <svg>; export the drawing as plain SVG.")
     try:
-        drawing = _Drawing(root)
+        reader = _Reader(root)
         to_m = _page(root, path, unit_m, css_pixels)
         box = view_box(root.get("viewBox", ""))
         size = Size(np.nan, np.nan) if box is None else Size(*box[2:])
-        style = drawing.style(root, {})
+        style = reader.style(root, {})
         hidden = style.get("display") == "none" or transparent(style)
-        strokes = [] if hidden else drawing.children(root, _Context(style, size))
-        drawing.check_effects(style, strokes, _Context(style, size))
+        lines = [] if hidden else reader.children(root, _Context(style, size))
+        reader.check_effects(style, lines, _Context(style, size))
     except (ValueError, RecursionError) as error:
         reason = "its elements lie too deep in each other" if isinstance(error, RecursionError) else str(error)
         raise ContractError(
             f"{path}: {reason}. Convert that to plain visible paths in your drawing program, or remove it."
         ) from error
-    if not strokes:
+    if not lines:
         raise ContractError(f"{path} draws no line: it is empty, or all of it is hidden; show what is to be drawn.")
-    recordings = []
-    for stroke in strokes:
-        placed = _placed([stroke], to_m)[0] * np.array([1.0, -1.0])
-        if not np.isfinite(placed).all():
-            raise ContractError(f"{path} has a transform that is too large; correct it.")
-        recordings.append(recording(session, hand, placed))
-    return recordings
+    upright = [line._replace(points=line.points * np.array([1.0, -1.0])) for line in _placed(lines, to_m)]
+    if not all(np.isfinite(line.points).all() for line in upright):
+        raise ContractError(f"{path} has a transform that is too large; correct it.")
+    return Drawing(upright, _page_m(root, box, to_m))
+
+
+def _page_m(
+    root: Element, box: tuple[float, float, float, float] | None, to_m: FloatArray
+) -> tuple[float, float, float, float] | None:
+    if box is None:
+        try:
+            width, height = (length(root.get(name, ""), np.nan) for name in ("width", "height"))
+        except ValueError:
+            return None
+        box = (0.0, 0.0, width, height)
+    (x, y), (left, top, width, height) = np.diag(to_m)[:2].tolist(), box
+    return x * left, -y * (top + height), x * width, y * height
 
 
 def _page(root: Element, path: Path, unit_m: float | None, css_pixels: bool) -> FloatArray:
@@ -147,8 +178,8 @@ class _Context:
     """Ids of the elements that `use` repeats here."""
 
 
-class _Drawing:
-    """A drawing whose elements are drawn one in another, each in the coordinates of its parent."""
+class _Reader:
+    """Draws the elements one in another, each in the coordinates of its parent."""
 
     def __init__(self, root: Element) -> None:
         self._by_id = {element.get("id"): element for element in reversed(list(root.iter())) if element.get("id")}
@@ -160,11 +191,11 @@ class _Drawing:
     def style(self, element: Element, inherited: Mapping[str, str]) -> Style:
         return self._sheet.style_of(element, inherited)
 
-    def children(self, element: Element, context: _Context) -> Strokes:
-        return [stroke for child in element for stroke in self._element(child, context)]
+    def children(self, element: Element, context: _Context) -> Lines:
+        return [line for child in element for line in self._element(child, context)]
 
-    def _element(self, element: Element, context: _Context) -> Strokes:
-        """The strokes [K, 2] of an element and all that it holds."""
+    def _element(self, element: Element, context: _Context) -> Lines:
+        """The lines of an element and all that it holds."""
         kind = element.tag.removeprefix(self._svg)
         if kind.startswith("{") or kind in _NOT_DRAWN:  # elements of other vocabularies are not drawn
             return []
@@ -175,16 +206,16 @@ class _Drawing:
         if style.get("display") == "none" or transparent(style):
             return []
         try:
-            strokes = self._content(kind, element, replace(context, style=style))
-            self.check_effects(style, strokes, context)
-            return _placed(strokes, transform_of(style))
+            lines = self._content(kind, element, replace(context, style=style))
+            self.check_effects(style, lines, context)
+            return _placed(lines, transform_of(style))
         except _Named:
             raise
         except ValueError as error:
             raise _Named(f"{_named(element)}: {error}") from error
 
-    def _content(self, kind: str, element: Element, context: _Context) -> Strokes:
-        """The strokes [K, 2] of a visible element in its own coordinates; ``context`` has its own style."""
+    def _content(self, kind: str, element: Element, context: _Context) -> Lines:
+        """The lines of a visible element in its own coordinates; ``context`` has its own style."""
         if kind in _GROUPS:
             return self.children(element, context)
         if kind in _SHAPES:
@@ -196,7 +227,8 @@ class _Drawing:
             outlines = list(_outlines(kind, element, context.style, context.size))
             if not all((np.abs(outline) < _LARGEST).all() for outline in outlines):
                 raise ValueError("it has a number that is too large")
-            return outlines + self.children(element, context)
+            paint = _paint(context.style)
+            return [Line(outline, paint) for outline in outlines] + self.children(element, context)
         if kind == "svg":
             return self._viewport(element, element, context)
         if kind == "use":
@@ -205,7 +237,7 @@ class _Drawing:
             return []
         raise ValueError("it is neither a path nor a basic shape")
 
-    def _used(self, element: Element, context: _Context) -> Strokes:
+    def _used(self, element: Element, context: _Context) -> Lines:
         name = _reference(element)
         target = self._by_id.get(name)
         if target is None:
@@ -218,13 +250,13 @@ class _Drawing:
             style = self.style(target, context.style)
             if style.get("display") == "none":
                 return []
-            strokes = self._viewport(target, element, replace(inner, style=style))
-            return _placed(_placed(strokes, transform_of(style)), moved(x, y))
+            lines = self._viewport(target, element, replace(inner, style=style))
+            return _placed(_placed(lines, transform_of(style)), moved(x, y))
         if target.tag.removeprefix(self._svg) == "svg" and {"width", "height"} & set(context.style):
             raise ValueError("it gives another size to a nested svg")
         return _placed(self._element(target, inner), moved(x, y))
 
-    def _viewport(self, element: Element, sized: Element, context: _Context) -> Strokes:
+    def _viewport(self, element: Element, sized: Element, context: _Context) -> Lines:
         """The content of a nested svg or of a symbol; the attributes width and height are those of ``sized``."""
         own = self.style(sized, {})
         pairs = zip(("width", "height"), context.size, strict=True)
@@ -236,24 +268,24 @@ class _Drawing:
             inside, matrix = size, np.eye(3)
         else:
             inside, matrix = Size(*box[2:]), fitted(box, size, element.get("preserveAspectRatio", ""))
-        strokes = _placed(self.children(element, replace(context, size=inside)), matrix)
+        lines = _placed(self.children(element, replace(context, size=inside)), matrix)
         if context.style.get("overflow", "hidden") not in ("visible", "auto"):
             margin = _OUTSIDE * max(size)
-            for stroke in strokes:
-                if (stroke < -margin).any() or (stroke > np.array(size) + margin).any():
+            for line in lines:
+                if (line.points < -margin).any() or (line.points > np.array(size) + margin).any():
                     raise ValueError("its edge cuts a line off")
         if element is sized:  # a symbol is placed by the `use` that shows it
             place = (length(own.get(axis, "0"), whole) for axis, whole in zip("xy", context.size, strict=True))
-            return _placed(strokes, moved(*place))
-        return strokes
+            return _placed(lines, moved(*place))
+        return lines
 
-    def check_effects(self, style: Mapping[str, str], strokes: Strokes, context: _Context) -> None:
+    def check_effects(self, style: Mapping[str, str], lines: Lines, context: _Context) -> None:
         """Refuse masks and filters, and a clip path that cuts a line off."""
         for name in ("mask", "filter"):
             if style.get(name, "none") != "none":
                 raise ValueError(f"the property {name}: {style[name][:60]} is not supported")
         clip = style.get("clip-path", "none")
-        if clip == "none" or not strokes:
+        if clip == "none" or not lines:
             return
         name = clip.removeprefix("url(").removesuffix(")").strip("\"' ").removeprefix("#")
         target = self._by_id.get(name) if clip.startswith("url(") else None
@@ -265,7 +297,7 @@ class _Drawing:
             raise ValueError(f"the clip path {clip[:60]!r} is not supported")
         plain = replace(context, style=self.style(target, {}), within=(*context.within, name))
         shapes = _placed(self.children(target, plain), transform_of(plain.style))
-        if not all(any(_holds(shape, stroke) for shape in shapes) for stroke in strokes):
+        if not all(any(_holds(shape.points, line.points) for shape in shapes) for line in lines):
             raise ValueError(f"the clip path {clip[:60]!r} cuts a line off")
 
 
@@ -325,8 +357,13 @@ def _outlines(kind: str, element: Element, style: Mapping[str, str], size: Size)
                     yield rectangle(value("x", width), value("y", height), *sides, *radii)
 
 
-def _placed(strokes: Strokes, matrix: FloatArray) -> Strokes:
-    return [stroke @ matrix[:2, :2].T + matrix[:2, 2] for stroke in strokes]
+def _placed(lines: Lines, matrix: FloatArray) -> Lines:
+    return [line._replace(points=line.points @ matrix[:2, :2].T + matrix[:2, 2]) for line in lines]
+
+
+def _paint(style: Mapping[str, str]) -> str:
+    line = style.get("stroke", "none")
+    return style.get("fill", "black") if line.lower() in ("none", "transparent") else line
 
 
 def _holds(shape: FloatArray, stroke: FloatArray) -> bool:

@@ -1,0 +1,1 @@
+"""SVG drawings as lines: what a viewer shows, read without changing it."""
