@@ -67,7 +67,9 @@ def test_a_sculpture_is_carved_and_told(folder: Path) -> None:
     assert experiment is not None
     (tracked,) = client.search_runs([experiment.experiment_id])
     assert tracked.data.metrics["dash.error_3d_mm2.after"] == pytest.approx(told["error_3d_mm2"]["after"])
-    assert [entry.path for entry in client.list_artifacts(tracked.info.run_id, "pictures")] == ["pictures/result.png"]
+    assert [entry.path for entry in client.list_artifacts(tracked.info.run_id, "pictures/dash")] == [
+        "pictures/dash/result.png"
+    ]
 
 
 def test_paintings_stand_beside_the_workshop_s(folder: Path) -> None:

@@ -57,10 +57,10 @@ def _cores() -> Finding:
 
 
 def _memory() -> Finding:
-    lines = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+    lines = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text(encoding="utf-8").splitlines())
     free = 1024 * int(lines["MemAvailable"].split()[0])
     limit = Path("/sys/fs/cgroup/memory.max")
-    if limit.is_file() and (text := limit.read_text().strip()).isdigit():  # of a container
+    if limit.is_file() and (text := limit.read_text(encoding="utf-8").strip()).isdigit():  # of a container
         free = min(free, int(text))
     text = f"{free / GIB:.1f} GiB free."
     if free < _FEW_GIB["memory"] * GIB:
