@@ -56,6 +56,22 @@ def test_fit_ends_at_a_stationary_point(softened: tuple[Measured, Model]) -> Non
     assert np.abs(slope.sum(0)).max() < 0.02 * np.abs(slope).sum(0).max()
 
 
+def test_a_colour_that_was_told_wrong_is_corrected(softened: tuple[Measured, Model]) -> None:
+    """The offset makes up for it: the error is the same, and the prior lets an offset of 0.25 cost less than 1 % of it.
+
+    Otherwise a cause that changes the paint's colour, such as vignetting, takes the offset's place.
+    """
+    strokes, model = softened
+    other = replace(strokes, samples=strokes.samples._replace(color=(strokes.samples.color + 0.2).clamp(0.0, 1.0)))
+    refitted = fit(replace(model, color_offset=0 * model.color_offset), other)
+    assert action_losses(refitted, other).mean() < 1.02 * action_losses(model, strokes).mean()
+    statistics = linearise(model, strokes)
+    hold = (stiffened(statistics, model, 1.0).curvature - statistics.curvature)[0]
+    offset = np.zeros(len(model.vector))
+    offset[len(model.base)] = 0.25
+    assert offset @ hold @ offset < 0.01 * statistics.energy.mean()
+
+
 def test_huber_weights_limit_an_outlying_action(softened: tuple[Measured, Model]) -> None:
     """A mirrored photograph: its action counts as three usual ones, all others are unchanged."""
     strokes, model = softened

@@ -30,7 +30,7 @@ _PRIOR_SCALE = dict.fromkeys(SLABS[1:], 0.3) | {
 }
 _PRIOR_BEND = 0.1
 """Prior scale of the half-width curve's second difference, in half-widths."""
-_PRIOR_COLOR = 0.03  # linear light
+_PRIOR_COLOR = 0.3  # linear light: a person tells a colour as well as a guess
 _ENOUGH = 1e-4
 """Relative decrease of the error below which a fit ends."""
 _FIRST_DAMPING = 1e-3  # of a number's own curvature
@@ -157,7 +157,7 @@ def _bounds(model: Model) -> tuple[Array, Array]:
     for i, name in enumerate(BASE):
         low[i], high[i] = _RANGE[name]
     colors = slice(len(model.base), model.nuisances)
-    low[colors], high[colors] = -0.2, 0.2
+    low[colors], high[colors] = -0.5, 0.5
     half_mm = float(model.base[: len(WIDTHS)].mean())
     ends = BASE.index("ends_mm")
     low[ends], high[ends] = -_FARTHEST_ENDS * half_mm, _FARTHEST_ENDS * half_mm
