@@ -144,7 +144,7 @@ def check_replaceable(path: Path, command: str) -> None:
 def command_page(path: Path, text: str, command: str) -> None:
     """Write an HTML or Markdown file; replace a file only if the same command wrote it and nobody changed it.
 
-    A comment at its end names the command and holds a digest of what is before it.
+    A comment at its end names the command and holds a digest of the file above it.
 
     Raises:
         ConfigError: another file would be replaced.

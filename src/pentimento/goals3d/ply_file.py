@@ -5,6 +5,7 @@ Its header says how much follows, so that a file that was cut off is noticed.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -114,7 +115,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
     return order, elements, start
 
 
-class _Body:
+class _Body(ABC):
     """What follows the header."""
 
     def columns(self, element: _Element) -> dict[str, Any]:
@@ -128,12 +129,13 @@ class _Body:
             return self._take(of.kind, 1)[0]
         return self._take(of.kind, int(self._take(of.counted_by, 1)[0]))
 
+    @abstractmethod
     def _take(self, kind: str, count: int) -> Any:
-        raise NotImplementedError
+        """The next values of a type."""
 
+    @abstractmethod
     def require_end(self) -> None:
         """Raise ValueError where more follows."""
-        raise NotImplementedError
 
 
 class _Words(_Body):

@@ -11,7 +11,7 @@ import pytest
 from pentimento.cli.main import main
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
-from pentimento.dynamics.strokes.registration import register
+from pentimento.dynamics.strokes.registration import Registered, register
 from tests.dynamics.strokes.conftest import stroke_row, table
 
 WHITE = np.full((160, 240, 3), 255, np.uint8)  # 4 px/mm
@@ -55,6 +55,10 @@ def test_a_path_far_from_any_ink_stays() -> None:
     assert np.isnan(registered.moved_m).any(1).tolist() == [False, False, True, False, False, False]
     assert registered.table["path"][2] == strokes["path"][2]
     assert "1 of 6 lie farther from any ink and stayed" in registered.sentence
+
+
+def test_a_table_without_any_path_near_its_ink_is_told() -> None:
+    assert "check the frame" in Registered(written(np.zeros((3, 2))), np.full((3, 2), np.nan)).sentence
 
 
 def test_registered_strokes_can_be_registered_again_without_moving() -> None:

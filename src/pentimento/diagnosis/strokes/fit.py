@@ -30,7 +30,7 @@ _PRIOR_SCALE = dict.fromkeys(SLABS[1:], 0.3) | {
 }
 _PRIOR_BEND = 0.1
 """Prior scale of the half-width curve's second difference, in half-widths."""
-_PRIOR_COLOR = 0.3  # linear light: a person tells a colour as well as a guess
+_PRIOR_COLOR = 0.3  # linear light; a told colour is a guess
 _ENOUGH = 1e-4
 """Relative decrease of the error below which a fit ends."""
 _FIRST_DAMPING = 1e-3  # of a number's own curvature

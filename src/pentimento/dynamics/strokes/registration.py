@@ -40,6 +40,8 @@ class Registered(NamedTuple):
         """What was done, for a card."""
         distance_mm = 1e3 * np.hypot(*self.moved_m.T)
         found = np.isfinite(distance_mm)
+        if not found.any():
+            return "No path lies near enough to its ink to be moved; check the frame and the scale of the paths."
         text = f"Each path was moved onto its ink: {np.median(distance_mm[found]):.2g} mm (median)"
         text += f", {np.quantile(distance_mm[found], 0.95):.2g} mm (95 % of the strokes)."
         if not found.all():

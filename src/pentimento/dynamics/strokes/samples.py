@@ -31,7 +31,7 @@ TOLERANCE_PX = 0.5
 _FINE = 8
 """Times as many points where bends are looked for."""
 _OF_BENDS = 3.0
-"""Weight of bends beside that of length in the density of points."""
+"""Weight of bends in the density of points; that of length is 1."""
 _VISIBLE = 0.02  # squared sRGB distance between paint and ground below which a mark cannot be seen
 
 
