@@ -2,7 +2,8 @@
 
 Without `--strokes`: the studio's marker and round brush (datasets A and B), and photographed robot strokes where
 PENTIMENTO_MEASURED names a folder that holds `frida_strokes/*.parquet`; `docs/stroke_models.md` is then written from
-all that is there. With `--strokes`, a table in the strokes contract: the same models on a new brush, in `DIR/page.md`.
+all that is there. With `--strokes`, a table in the strokes contract: the same models, or `--models`, on a new brush, in
+`DIR/page.md`.
 Each model's result is kept in DIR as it is done, and is not done again.
 """
 
@@ -10,6 +11,8 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,7 +24,9 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import read_table
 from pentimento.diagnosis.strokes.quarantine import usable_rows
+from pentimento.dynamics.strokes.samples import sampling_of
 from studies.stroke_models import figures, page
+from studies.stroke_models.candidates import ANALYTIC, NAMES
 from studies.stroke_models.compare import Results, compare, read_results
 from studies.stroke_models.measured import BRUSHES, PENS, held_out_of, parts
 from studies.stroke_models.studio import TOOLS, record_datasets
@@ -42,13 +47,14 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.stroke_models", description=__doc__)
     parser.add_argument("--strokes", type=Path, help="a table in the strokes contract, file or folder")
+    parser.add_argument("--models", nargs="+", choices=tuple(NAMES), default=tuple(NAMES), help="with --strokes")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--out", type=Path, default=Path("data/studies/stroke_models"))
     parser.add_argument("--only", choices=("studio", "measured", "curve", "page"), help="one part, then the page")
     args = parser.parse_args()
     torch.set_num_threads(1)
     if args.strokes:
-        own(args.strokes, args.seeds, args.out)
+        own(args.strokes, args.seeds, args.out, args.models)
         return
     parts_of = {"studio": studio, "measured": measured, "curve": curve}
     for name, do in parts_of.items():
@@ -57,13 +63,15 @@ def main() -> None:
     write_page(args.out)
 
 
-def own(strokes: Path, seeds: int, out: Path) -> None:
-    """A team's own table: every seed holds out another quarter of its actions."""
+def own(strokes: Path, seeds: int, out: Path, models: Sequence[str]) -> None:
+    """A team's own table at the resolution that its lines need: every seed holds out another quarter of its actions."""
     table = usable_rows(read_table(strokes, CONTRACT).table).table
+    sampling = sampling_of(table, "auto", "auto")
+    config = replace(ANALYTIC, pixels_per_m=sampling.pixels_per_m, margin_m=sampling.margin_m)
     found = []
     for seed in range(1, seeds + 1):
         training, held_out = held_out_of(table, seed - 1)
-        found.append(compare(training, {"own": held_out}, seed, out / f"seed_{seed}"))
+        found.append(compare(training, {"own": held_out}, replace(config, seed=seed), out / f"seed_{seed}", models))
     pictures = out / "figures"
     figures.strokes(out / "seed_1", "own", pictures / "strokes.png")
     text = page.own_table(found, strokes.name, table.num_rows)
@@ -87,7 +95,7 @@ def studio(out: Path, seeds: int) -> None:
     """Table 5.2: trained on A, tested on other strokes of A and on B."""
     for seed in range(1, seeds + 1):
         for tool in TOOLS:
-            compare(*datasets(out, tool, seed, OF_A), seed, out / f"{tool}_{seed}")
+            compare(*datasets(out, tool, seed, OF_A), replace(ANALYTIC, seed=seed), out / f"{tool}_{seed}")
 
 
 def curve(out: Path, seeds: int) -> None:
@@ -95,7 +103,8 @@ def curve(out: Path, seeds: int) -> None:
     for tool in TOOLS:
         training, tests = datasets(out, tool, CURVE_SEED, max(SIZES))
         for size in SIZES:
-            compare(training.slice(0, size), tests, CURVE_SEED, out / "curve" / f"{tool}_{size}", CURVE_MODELS)
+            config, folder = replace(ANALYTIC, seed=CURVE_SEED), out / "curve" / f"{tool}_{size}"
+            compare(training.slice(0, size), tests, config, folder, CURVE_MODELS)
 
 
 def measured(out: Path, seeds: int) -> None:
@@ -107,7 +116,7 @@ def measured(out: Path, seeds: int) -> None:
     for seed in range(1, seeds + 1):
         for name in (*BRUSHES, *PENS):
             training, tests = parts(Path(folder, "frida_strokes"), name, seed - 1)
-            compare(training, tests, seed - 1, out / "measured" / f"{name}_{seed}")
+            compare(training, tests, replace(ANALYTIC, seed=seed - 1), out / "measured" / f"{name}_{seed}")
 
 
 def write_page(out: Path) -> None:

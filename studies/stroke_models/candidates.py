@@ -91,9 +91,9 @@ class Trained:
     """What else there is to say of it."""
 
 
-def load_strokes(table: pa.Table) -> MeasuredStrokes:
-    """Samples with all that mechanisms may read."""
-    samples = load_samples(table, ANALYTIC.path_points, ANALYTIC.pixels_per_m, ANALYTIC.margin_m)
+def load_strokes(table: pa.Table, config: TrainingConfig = ANALYTIC) -> MeasuredStrokes:
+    """Samples with all that mechanisms may read, at the resolution of ``config``."""
+    samples = load_samples(table, config.path_points, config.pixels_per_m, config.margin_m)
     known = covariates_of(table) | paint_pickup(table, samples)
     return MeasuredStrokes(samples, {name: torch.tensor(v, dtype=torch.float32) for name, v in known.items()})
 
@@ -101,11 +101,11 @@ def load_strokes(table: pa.Table) -> MeasuredStrokes:
 class Training:
     """The strokes that all models learn from; models that build on others find them here."""
 
-    def __init__(self, table: pa.Table, asked_path: Tensor, seed: int) -> None:
+    def __init__(self, table: pa.Table, asked_path: Tensor, config: TrainingConfig) -> None:
         """``asked_path`` [B, N, 5]: the commands on which models will be asked."""
-        self.table, self.strokes, self.seed = table, load_strokes(table), seed
+        self.table, self.strokes, self.seed = table, load_strokes(table, config), config.seed
         self.samples = self.strokes.samples
-        self.analytic = replace(ANALYTIC, seed=seed)
+        self.analytic = config
         self.setting, self.longer = (self._setting(asked_path, steps) for steps in (STEPS, STEPS_OF_NUMBERS))
         self._base: Traj2Stroke | None = None
         self._extended: tuple[StrokeModel, dict[str, Any]] | None = None
@@ -167,11 +167,12 @@ class Training:
 
     def _setting(self, asked_path: Tensor, steps: int) -> Setting:
         an_epoch = max(round((1 - NETWORK.held_out) * len(self.samples.path) / NETWORK.batch), 1)
-        network = replace(NETWORK, seed=self.seed, epochs=max(round(steps / an_epoch), 1))
-        return Setting(asked_path, float(ANALYTIC.margin_m), network)
+        sampled = {"pixels_per_m": self.analytic.pixels_per_m, "margin_m": self.analytic.margin_m}
+        network = replace(NETWORK, seed=self.seed, epochs=max(round(steps / an_epoch), 1), **sampled)
+        return Setting(asked_path, float(self.analytic.margin_m), network)
 
     def _stamp(self) -> Trained:
-        margin, scale = float(ANALYTIC.margin_m), float(ANALYTIC.pixels_per_m)
+        margin, scale = float(self.analytic.margin_m), float(self.analytic.pixels_per_m)
         dark, crisp = (
             fit_stamp(self.samples, margin, scale, lambda stamp, e=error: e(laid(stamp(self.samples), self.samples)))
             for error in (self._l1, self._not_iou)

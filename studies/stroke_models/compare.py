@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from torch import Tensor
 from pentimento.dynamics.strokes.evaluation import score
 from pentimento.dynamics.strokes.extended import MeasuredStrokes
 from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.training import TrainingConfig
 from studies.stroke_models.candidates import NAMES, Predict, Training, load_strokes
 
 SHOWN = 8
@@ -27,14 +28,21 @@ Results = dict[str, dict[str, Any]]
 
 
 def compare(
-    training: pa.Table, tests: Mapping[str, pa.Table], seed: int, out: Path, names: tuple[str, ...] = tuple(NAMES)
+    training: pa.Table,
+    tests: Mapping[str, pa.Table],
+    config: TrainingConfig,
+    out: Path,
+    names: Sequence[str] = tuple(NAMES),
 ) -> Results:
-    """Fill in what is missing of ``out``, ``<model>.json`` and ``<model>.npz`` (pictures), and read it all."""
+    """Fill in what is missing of ``out``, ``<model>.json`` and ``<model>.npz`` (pictures), and read it all.
+
+    ``config``: of Traj2Stroke; every model sees its resolution, and is trained with its seed.
+    """
     out.mkdir(parents=True, exist_ok=True)
     missing = [name for name in names if not (out / f"{name}.json").exists()]
     if missing:
-        strokes = {name: load_strokes(table) for name, table in tests.items()}
-        learnt = Training(training, torch.cat([each.samples.path for each in strokes.values()]), seed)
+        strokes = {name: load_strokes(table, config) for name, table in tests.items()}
+        learnt = Training(training, torch.cat([each.samples.path for each in strokes.values()]), config)
         _keep_measured(strokes, out)
         for name in missing:
             print(f"{out}: {name} …", flush=True)

@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.contracts.strokes import example_table
 from studies.stroke_models import compare as comparing
-from studies.stroke_models.candidates import NAMES
+from studies.stroke_models.candidates import ANALYTIC, NAMES
 from studies.stroke_models.compare import Results, compare, read_results
 from studies.stroke_models.hands import HANDS, hand_stroke
 from studies.stroke_models.measured import BRUSHES, LIKE, PENS, held_out_of
@@ -135,7 +135,7 @@ def test_a_page_of_what_there_is_so_far() -> None:
 def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = example_table(24)
     tests = {"own": table.slice(16)}
-    first = compare(table.slice(0, 16), tests, 0, tmp_path, ("blank", "polyline"))
+    first = compare(table.slice(0, 16), tests, ANALYTIC, tmp_path, ("blank", "polyline"))
     assert set(first) == {"blank", "polyline"}
     assert len(first["polyline"]["scores"]["own"]["l1"]) == 8
     assert np.mean(first["polyline"]["scores"]["own"]["l1"]) < np.mean(first["blank"]["scores"]["own"]["l1"])
@@ -146,6 +146,6 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.Monk
         raise AssertionError("it trains again")
 
     monkeypatch.setattr(comparing, "Training", never)
-    again = compare(table.slice(0, 16), tests, 0, tmp_path, ("blank", "polyline"))
+    again = compare(table.slice(0, 16), tests, ANALYTIC, tmp_path, ("blank", "polyline"))
     assert again["blank"]["said"] == {"kept": "as it was"}
     assert again == read_results(tmp_path)
