@@ -18,21 +18,16 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
-from transformers import CLIPTextConfig, CLIPTextModel
 
 from benchmarks import gpu, machine
 from benchmarks.__main__ import rounded
 from benchmarks.tables import gpu_table, machine_line, markdown
 from pentimento.copainting.goal.denoising import GoalTraining, LatentPairs, Lora, tokens_of
-from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.copainting.goal.training import train_goal_planner
-from pentimento.semantics.tokenizer import learn_tokenizer
+from studies.published_sizes.models import CAPTIONS, published_planner
 
 ROOT = Path(__file__).resolve().parents[1]
-CAPTIONS = ("a red disc", "a blue square", "a green disc on grey", "a yellow square")
 PAIRS = 64
-TOKENS = 77
 WARM = 5  # steps before timing, in which PyTorch selects its kernels
 
 
@@ -57,38 +52,6 @@ TRAININGS = (
 )
 
 
-def published_planner() -> GoalPlanner:
-    """Instruct-Pix2Pix in its published shapes, untrained."""
-    torch.manual_seed(0)
-    tokenizer = learn_tokenizer(CAPTIONS, 40, TOKENS)
-    text = CLIPTextConfig(
-        vocab_size=49408, hidden_size=768, intermediate_size=3072, num_hidden_layers=12, num_attention_heads=12,
-        max_position_embeddings=TOKENS, bos_token_id=tokenizer.bos_token_id, eos_token_id=tokenizer.eos_token_id,
-    )  # fmt: skip
-    blocks = 4
-    vae = AutoencoderKL(
-        down_block_types=("DownEncoderBlock2D",) * blocks,
-        up_block_types=("UpDecoderBlock2D",) * blocks,
-        block_out_channels=(128, 256, 512, 512),
-        layers_per_block=2,
-        latent_channels=4,
-        sample_size=512,
-    )
-    return GoalPlanner(
-        vae=vae.eval().requires_grad_(False),
-        text_encoder=CLIPTextModel(text).eval(),
-        tokenizer=tokenizer,
-        unet=UNet2DConditionModel(sample_size=64, in_channels=8, out_channels=4, cross_attention_dim=768),
-        scheduler=DDIMScheduler(
-            beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear", clip_sample=False, steps_offset=1
-        ),
-        safety_checker=None,
-        feature_extractor=None,
-        image_encoder=None,
-        requires_safety_checker=False,
-    )
-
-
 def measure_training(row: Training, steps: int) -> dict[str, Any]:
     """Seconds a step (median), peak memory of the device, and the loss over the first and the last fifth of steps."""
     planner = published_planner()
@@ -104,6 +67,7 @@ def measure_training(row: Training, steps: int) -> dict[str, Any]:
         steps=steps, batch=row.batch, learning_rate=1e-4, warm_up=WARM, weight_decay=0.01, drop_text=0.05,
         drop_image=0.05, drop_both=0.05, min_snr_gamma=5.0, time_bias=1.0, ema_decay=0.99,
         lora=None if row.lora is None else Lora(row.lora, row.lora), train_text=False, checkpoint_every=steps,
+        gradient_checkpointing=False,
         precision=row.precision, accelerator="auto", devices=1, strategy="auto", seed=0,
     )  # fmt: skip
     ends: list[float] = []  # the loss is read off the device at each step, which waits for it

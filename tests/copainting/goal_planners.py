@@ -25,7 +25,7 @@ ENCODER = EncoderShape(
 TRAINING = GoalTraining(
     steps=6, batch=3, learning_rate=1e-3, warm_up=2, weight_decay=0.01, drop_text=0.05, drop_image=0.05,
     drop_both=0.05, min_snr_gamma=None, time_bias=1.0, ema_decay=0.9, lora=None, train_text=True, checkpoint_every=2,
-    precision="32-true", accelerator="cpu", devices=1, strategy="auto", seed=3,
+    gradient_checkpointing=False, precision="32-true", accelerator="cpu", devices=1, strategy="auto", seed=3,
 )  # fmt: skip
 
 

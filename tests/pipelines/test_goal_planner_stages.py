@@ -30,7 +30,8 @@ from tests.copainting.goal_planners import small_encoder
 TRAINING: dict[str, Any] = {
     "steps": 4, "batch": 2, "learning_rate": 1e-3, "warm_up": 1, "weight_decay": 0.01, "drop_text": 0.05,
     "drop_image": 0.05, "drop_both": 0.05, "min_snr_gamma": None, "time_bias": 1.0, "ema_decay": 0.9, "lora": None,
-    "train_text": True, "checkpoint_every": 2, "precision": "32-true", "accelerator": "cpu", "devices": 1,
+    "train_text": True, "checkpoint_every": 2, "gradient_checkpointing": False,
+    "precision": "32-true", "accelerator": "cpu", "devices": 1,
     "strategy": "auto", "seed": 0,
 }  # fmt: skip
 SAMPLING: dict[str, Any] = {

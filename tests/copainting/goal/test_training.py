@@ -33,6 +33,24 @@ def test_resumed_training_equals_uninterrupted_training(tmp_path: Path, killed_a
     assert len(list(tmp_path.glob("*.ckpt"))) == 1
 
 
+@pytest.mark.parametrize("lora", [None, Lora(2, 4)])
+def test_gradient_checkpointing_gives_the_same_weights(lora: Lora | None) -> None:
+    config = replace(TRAINING, lora=lora, train_text=lora is None, steps=3)
+    kept, recomputed = trained(config), trained(replace(config, gradient_checkpointing=True))
+    assert recomputed.losses == pytest.approx(kept.losses, rel=1e-6)
+    assert torch.allclose(recomputed.weights, kept.weights, atol=1e-6)
+
+
+def test_without_an_average_the_last_weights_are_taken(tmp_path: Path) -> None:
+    config = replace(TRAINING, ema_decay=0.0, steps=4)
+    last, averaged = trained(config, tmp_path), trained(replace(config, ema_decay=0.9))
+    state = torch.load(latest_checkpoint(tmp_path), weights_only=True)["state_dict"]
+    of_checkpoint = {name.removeprefix("unet."): weight for name, weight in state.items() if name.startswith("unet.")}
+    assert all(torch.equal(weight, of_checkpoint[name]) for name, weight in last.planner.unet.state_dict().items())
+    assert not any(name.startswith("average") for name in state)
+    assert not equal(last.planner, averaged.planner)
+
+
 def test_frozen_parts_do_not_change() -> None:
     before, after = small_planner(), trained(replace(TRAINING, train_text=False)).planner
 

@@ -63,13 +63,19 @@ class GoalTraining:
     where the content is decided and the text matters. A short training would learn them last.
     """
     ema_decay: float
-    """Of the moving average of the weights, which is the result of training; it starts as a plain mean."""
+    """Of the moving average of the weights, which is the result of training; it starts as a plain mean. 0 takes the
+    last weights, without memory for an average.
+    """
     lora: Lora | None
     """Null trains the whole UNet."""
     train_text: bool
     """Whether the text encoder is trained, too: yes for a new one, no for a published one."""
     checkpoint_every: int
     """Steps."""
+    gradient_checkpointing: bool
+    """Compute the activations of the UNet's blocks again in the backward pass: less memory, the same weights, a third
+    more time.
+    """
     precision: Precision
     accelerator: Literal["cpu", "auto"]
     devices: int
@@ -171,13 +177,17 @@ class Denoising(lightning.LightningModule):
         if config.accelerator == "cpu" or not torch.cuda.is_available():
             # PyTorch's flash attention on a CPU takes a fifth of a step for the gradient of a few dozen tokens.
             self.unet.set_attn_processor(AttnProcessor())
+        if config.gradient_checkpointing:
+            self.unet.enable_gradient_checkpointing()
         if config.lora is None:
             self.unet.requires_grad_(True)
         self.text_encoder.train(config.train_text).requires_grad_(config.train_text)
         self.losses: Tensor
         self.register_buffer("losses", torch.zeros(config.steps, dtype=torch.float64))
         self.average = nn.ParameterList(
-            nn.Parameter(parameter.detach().clone(), requires_grad=False) for parameter in self._trained()
+            nn.Parameter(parameter.detach().clone(), requires_grad=False)
+            for parameter in self._trained()
+            if config.ema_decay
         )
 
     def training_step(self, _batch: int, _: int) -> Tensor:
@@ -222,6 +232,8 @@ class Denoising(lightning.LightningModule):
     def optimizer_step(self, *arguments: Any, **keywords: Any) -> None:
         """Update the weights and, before any checkpoint is written, their moving average."""
         super().optimizer_step(*arguments, **keywords)
+        if not self.config.ema_decay:
+            return
         decay = min(self.config.ema_decay, self.global_step / (self.global_step + 1))
         with torch.no_grad():
             torch._foreach_lerp_([*self.average.parameters()], [*self._trained()], 1 - decay)
@@ -240,9 +252,10 @@ class Denoising(lightning.LightningModule):
 
     @torch.no_grad()
     def take_averages(self) -> None:
-        """Replace the weights by their moving averages."""
-        for parameter, average in zip(self._trained(), self.average, strict=True):
-            parameter.copy_(average)
+        """Replace the weights by their moving averages, if there are any."""
+        if self.config.ema_decay:
+            for parameter, average in zip(self._trained(), self.average, strict=True):
+                parameter.copy_(average)
 
     def _trained(self) -> list[nn.Parameter]:
         return [p for part in (self.unet, self.text_encoder) for p in part.parameters() if p.requires_grad]
