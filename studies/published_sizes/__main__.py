@@ -30,9 +30,9 @@ Written by `python -m studies.published_sizes`; do not edit.
 {machine}
 
 Folders in the layout of diffusers and transformers, with random weights in half precision: Instruct-Pix2Pix
-({weights:.0f} million weights in the UNet, pictures of {side} px), CLIP ViT-B/32 and ViT-L/14. The stages' own code loads
-them, trains (profile `full`, batch 1), samples, exports and runs them. Each part is one process; *peak* is its maximum
-resident memory. Times include imports and loading. {threads} threads.
+({weights:.0f} million weights in the UNet, pictures of {side} px), CLIP ViT-B/32 and ViT-L/14. The stages' own code
+loads them, trains (profile `full`, batch 1), samples, exports and runs them. Each part is one process; *peak* is its
+maximum resident memory. Times include imports and loading. {threads} threads.
 
 {table}
 
