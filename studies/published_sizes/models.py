@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import torch
 from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
-from transformers import CLIPConfig, CLIPModel, CLIPTextConfig, CLIPTextModel
+from transformers import CLIPConfig, CLIPModel, CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
 from pentimento.copainting.goal.planner import GoalPlanner
-from pentimento.semantics.tokenizer import learn_tokenizer
+from pentimento.semantics.tokenizer import END, START, learn_tokenizer
 
 CAPTIONS = ("a red disc", "a blue square", "a green disc on grey", "a yellow square")
 TOKENS = 77
@@ -18,10 +20,19 @@ _VISION_OF = {"b32": (768, 3072, 12, 12, 32), "l14": (1024, 4096, 16, 24, 14)}
 """Of the vision half: width, width of the hidden layer, heads, layers, px of a patch."""
 
 
+def published_tokenizer() -> CLIPTokenizer:
+    """A tokenizer of as many tokens as the published one; most of them are fillers that no text contains."""
+    learned = json.loads(learn_tokenizer(CAPTIONS, 40, TOKENS).backend_tokenizer.to_str())["model"]
+    words = [word for word in learned["vocab"] if word not in (START, END)]
+    words += [f"filler{number}" for number in range(WORDS - len(words) - 2)]
+    vocabulary = {word: index for index, word in enumerate([*words, START, END])}
+    return CLIPTokenizer(vocab=vocabulary, merges=[tuple(pair) for pair in learned["merges"]], model_max_length=TOKENS)
+
+
 def published_planner() -> GoalPlanner:
     """Instruct-Pix2Pix in its published shapes, untrained."""
     torch.manual_seed(0)
-    tokenizer = learn_tokenizer(CAPTIONS, 40, TOKENS)
+    tokenizer = published_tokenizer()
     text = CLIPTextConfig(
         vocab_size=WORDS, hidden_size=768, intermediate_size=3072, num_hidden_layers=12, num_attention_heads=12,
         max_position_embeddings=TOKENS, bos_token_id=tokenizer.bos_token_id, eos_token_id=tokenizer.eos_token_id,
@@ -53,7 +64,7 @@ def published_planner() -> GoalPlanner:
 def published_clip(name: str) -> CLIPModel:
     """`openai/clip-vit-base-patch32` ("b32") or `openai/clip-vit-large-patch14` ("l14"), untrained."""
     torch.manual_seed(0)
-    tokenizer = learn_tokenizer(CAPTIONS, 40, TOKENS)
+    tokenizer = published_tokenizer()
     (width, hidden, heads), (across, deep, eyes, layers, patch) = _TEXT_OF[name], _VISION_OF[name]
     text = {
         "vocab_size": WORDS, "hidden_size": width, "intermediate_size": hidden, "num_hidden_layers": 12,
