@@ -9,6 +9,7 @@ from pathlib import Path
 from pipelines._params import read_yaml
 from pipelines._review.history import History, StageRun
 from pipelines._review.models import log_models
+from pipelines._review.view import share_view
 from pipelines._tracking.dvc_files import locked_stages, matrix_items, value_digest
 from pipelines._tracking.store import open_store, store_errors
 
@@ -99,16 +100,19 @@ def check(folder: Path, profile: str) -> tuple[int, list[str]]:
     return agreeing, sentences
 
 
-def link(folder: Path, execution: str, status: str) -> None:
+def link(folder: Path, execution: str, status: str) -> list[str]:
     """Close an execution: log its models, tag its runs with their outputs, parents with earlier runs that stand.
 
     An earlier run stands where DVC found nothing to do.
+
+    Returns:
+        The experiments of the execution, each with its main figures as a shared view.
     """
     with store_errors():
         history, client = History(), open_store()
         found = next((each for each in history.executions if each.name == execution), None)
         if found is None:
-            return
+            return []
         runs = [run for run in history.runs if run.tags.get("profile") == found.tags.get("profile")]
         reused = {}
         for locked in _in_order(read_lock(folder)):
@@ -120,9 +124,14 @@ def link(folder: Path, execution: str, status: str) -> None:
                 reused[locked.name] = run.id
             for path, digest in locked.outputs.items():
                 client.set_tag(run.id, f"{OUTPUT}{path}", digest)
+        shown = []
         for parent in found.ids:
             client.set_tag(parent, "reused", json.dumps(reused))
             client.set_terminated(parent, status)
+            run = client.get_run(parent)
+            share_view(client, run.info.experiment_id, run.data.metrics)
+            shown.append(run.info.experiment_id)
+        return shown
 
 
 def _in_order(items: Sequence[Locked]) -> list[Locked]:

@@ -80,7 +80,8 @@ SMALL: Final = {
     "deploy": {
         "sampling": {"steps": STEPS}, "half_tolerance": 0.05,
         "settings": {
-            name: {"style": False, "planner": {"path_points": 6}} for name in ("marker", "colour12", "colour")
+            name: {"style": False, "strokes": 4, "planner": {"path_points": 6, "pixels_per_m": SIDE_PX / side_m}}
+            for name, side_m in (("marker", 0.12), ("colour12", 0.16), ("colour", 0.3))
         },
         "clays": {"foam": {"shape": [32, 32]}},
     },
@@ -156,8 +157,11 @@ def write_published(folder: Path) -> int:
 
 
 def run(stage: ModuleType, **arguments: Any) -> None:
-    import time; t=time.process_time()
-    stage.main(argparse.Namespace(**arguments)); print("TIME", stage.__name__, time.process_time()-t)
+    import time
+
+    t = time.process_time()
+    stage.main(argparse.Namespace(**arguments))
+    print("TIME", stage.__name__, time.process_time() - t)
 
 
 def write_stroke_and_push_models(folder: Path) -> None:

@@ -19,6 +19,7 @@ import pytest
 
 from pipelines import compare
 from pipelines._review.history import History
+from pipelines._review.view import address_of
 from tests.browser import CHROMIUM, Browser, browser
 from tests.pipelines.history import execute, repository
 
@@ -81,6 +82,19 @@ def test_an_experiment_opens_on_its_training_runs(server: str, tab: Browser, scr
     assert "/runs" in tab.evaluate("location.hash")
     said = tab.text()
     assert "Judges" not in said and "Models" in said
+
+
+def test_a_link_opens_on_the_main_figures(server: str, tab: Browser, screenshots: Path) -> None:
+    """As columns of the table; and as a chart, in a section of their own. In a browser that never saw MLflow."""
+    address = f"{server}/{address_of(_strokes(server))}"
+    tab.goto(address)
+    for name in ("held_out.model.mse", "held_out.polyline.mse"):
+        tab.wait(_seen(f"train_stroke_dynamics/marker/{name}"), 30)
+    tab.wait(_seen("before"))
+    tab.screenshot(screenshots / "main_figures.png")
+    tab.goto(f"{address}&compareRunsMode=CHART")
+    tab.wait(_seen("Main figures"), 30)
+    tab.screenshot(screenshots / "main_charts.png")
 
 
 def test_pictures_of_runs_meet_in_the_image_grid(server: str, tab: Browser, screenshots: Path) -> None:
