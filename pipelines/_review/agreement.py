@@ -128,9 +128,9 @@ def link(folder: Path, execution: str, status: str) -> list[str]:
         for parent in found.ids:
             client.set_tag(parent, "reused", json.dumps(reused))
             client.set_terminated(parent, status)
-            run = client.get_run(parent)
-            share_view(client, run.info.experiment_id, run.data.metrics)
-            shown.append(run.info.experiment_id)
+            closed = client.get_run(parent)
+            share_view(client, closed.info.experiment_id, closed.data.metrics)
+            shown.append(closed.info.experiment_id)
         return shown
 
 
