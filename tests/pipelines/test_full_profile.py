@@ -31,7 +31,6 @@ from pentimento.copainting.goal.planner import (
 from pentimento.copainting.goal.vae import VaeConfig, build_vae
 from pentimento.copainting.scenes.procedural import ScenesConfig
 from pentimento.copainting.scenes.procedural import build_scenes as drawn_scenes
-from pentimento.dynamics.pushes.push_model import write_push_model
 from pentimento.dynamics.strokes.extended import base_model, model_files
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 from pentimento.semantics.encoder import Encoder
@@ -46,7 +45,6 @@ from pipelines import (
     train_semantics,
 )
 from pipelines._params import merge, overlaid
-from tests.deploy.bundles import push_model
 from tests.pipelines.conftest import Enter
 
 SIDE_PX = 64
@@ -79,11 +77,7 @@ SMALL: Final = {
     },
     "deploy": {
         "sampling": {"steps": STEPS}, "half_tolerance": 0.05,
-        "settings": {
-            name: {"style": False, "strokes": 4, "planner": {"path_points": 6, "pixels_per_m": SIDE_PX / side_m}}
-            for name, side_m in (("marker", 0.12), ("colour12", 0.16), ("colour", 0.3))
-        },
-        "clays": {"foam": {"shape": [32, 32]}},
+        "settings": {"marker": {"strokes": 4, "planner": {"path_points": 6, "pixels_per_m": SIDE_PX / 0.12}}},
     },
 }  # fmt: skip
 """What makes the profile small; all that is published or odd stays."""
@@ -157,23 +151,16 @@ def write_published(folder: Path) -> int:
 
 
 def run(stage: ModuleType, **arguments: Any) -> None:
-    import time
-
-    t = time.process_time()
     stage.main(argparse.Namespace(**arguments))
-    print("TIME", stage.__name__, time.process_time() - t)
 
 
-def write_stroke_and_push_models(folder: Path) -> None:
+def write_stroke_models(folder: Path) -> None:
     for tool, width_m in (("marker", 1e-3), ("round_brush", 3e-3)):
         weights = folder / f"stroke_{tool}" / "weights"
         weights.mkdir(parents=True)
         model = base_model(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.1, width_m, 0.2, 0.95))
         for file, content in model_files(model).items():
             (weights / file).write_text(json.dumps(content))
-    clay = folder / "push_foam/weights"
-    clay.mkdir(parents=True)
-    write_push_model(push_model(), clay)
 
 
 def test_published_folders_become_a_bundle_that_plans_goals_as_the_workshop(
@@ -181,12 +168,13 @@ def test_published_folders_become_a_bundle_that_plans_goals_as_the_workshop(
 ) -> None:
     root = Path.cwd()
     params = merge(overlaid(root, "full"), SMALL, Path("SMALL"))
+    params["deploy"] |= {"clays": {}, "settings": {"marker": params["deploy"]["settings"]["marker"]}}
     folder = tmp_path / ".profiles/full"
     folder.mkdir(parents=True)
     usable = write_published(tmp_path / "published")
     enter(folder, monkeypatch)
     YAML(typ="safe").dump(params, folder / "params.yaml")
-    write_stroke_and_push_models(folder / "models")
+    write_stroke_models(folder / "models")
     models = {"models": Path("models"), "tools": ["marker", "round_brush"]}
     scenes, semantics, judge = Path("scenes"), Path("semantics"), Path("judge")
     pairs, base, goal = Path("copaintings"), Path("goal_base"), Path("goal")
@@ -205,7 +193,7 @@ def test_published_folders_become_a_bundle_that_plans_goals_as_the_workshop(
         evaluate_copainting, setting="marker", scenes=scenes, copaintings=pairs / "marker", base=base, fine_tuned=goal,
         semantics=semantics, judge=judge, out=Path("evaluation"), **models,
     )  # fmt: skip
-    run(deploy, materials=["foam"], semantics=semantics, goal=goal, hands=None, out=Path("bundle"), **models)
+    run(deploy, materials=[], semantics=semantics, goal=goal, hands=None, out=Path("bundle"), **models)
 
     bundle = open_bundle(Path("bundle"))
     facts, canvas = bundle.manifest.goal, np.full((1, SIDE_PX, SIDE_PX, 3), 240, np.uint8)
