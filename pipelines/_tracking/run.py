@@ -30,6 +30,7 @@ from pipelines._params import files_named_by, read_yaml
 from pipelines._tracking.dvc_files import flatten, input_digest, matrix_items, md5, params_digest, value_digest
 from pipelines._tracking.families import HEADLINES, experiment_of, family_of, note
 from pipelines._tracking.origins import origin_tags
+from pipelines._tracking.outbox import Outbox, Point, send_unsent
 from pipelines._tracking.store import (
     PART,
     STAGE,
@@ -45,12 +46,10 @@ from pipelines._tracking.timings import write_timing
 if TYPE_CHECKING:
     from lightning.pytorch.loggers import MLFlowLogger
     from mlflow import MlflowClient
-    from mlflow.entities import Metric
 
 UNFINISHED = Path(".pentimento/runs")
 _LOCK = UNFINISHED.parent / "begin.lock"
 _FLUSH_AT = 200  # metrics; one transaction each would cost 10 ms
-_PARAMS_A_BATCH = 100  # MLflow's limit
 _PARAM_LENGTH = 6000  # MLflow's limit
 SYSTEM = "system/"
 """Prefix of metrics that MLflow shows among its system metrics."""
@@ -74,24 +73,23 @@ class Run:
 
     id: str
     _client: "MlflowClient"
+    _outbox: Outbox
     parent: str | None = None
     """The id of the parent run of the execution."""
     label: str = ""
     """`stage/item`."""
     metrics: dict[str, Any] = field(default_factory=dict)
     """The metrics given to `log_metrics`, nested."""
-    _pending: list["Metric"] = field(default_factory=list)
+    _pending: list[Point] = field(default_factory=list)
     _names: dict[str, str] = field(default_factory=dict)
     """Of curves, by their names in the store."""
 
     def log(self, name: str, value: float, step: int | None = None) -> None:
         """Add one point to the curve `name` (`step` defaults to 0, a single value)."""
-        from mlflow.entities import Metric
-
         stored = stored_name(name)
         while self._names.setdefault(stored, name) != name:  # two names that differ only in letters that are replaced
             stored += "_"
-        self._pending.append(Metric(stored, float(value), int(time.time() * 1000), step or 0))
+        self._pending.append((stored, float(value), int(time.time() * 1000), step or 0))
         if len(self._pending) >= _FLUSH_AT:
             self.flush()
 
@@ -123,7 +121,7 @@ class Run:
 
     def tag(self, name: str, value: str) -> None:
         """Set a tag of the run."""
-        self._client.set_tag(self.id, stored_name(name), value)
+        self._outbox.send("tags", tags={stored_name(name): value})
 
     def log_picture(self, path: Path, group: str = "", step: int = 0) -> None:
         """Keep a copy of a picture in the run's folder `pictures`, and enter it in MLflow's image grid.
@@ -132,31 +130,19 @@ class Run:
         experiment's table, which are executions: there the key is `stage/item/group/name`, and pictures of equal keys
         meet.
         """
-        from PIL import Image
-
-        self._client.log_artifact(self.id, str(path), f"pictures/{group}".rstrip("/"))
-        key = "/".join(filter(None, (self.label, group, path.stem)))
-        with Image.open(path) as picture:
-            self._client.log_image(self.parent or self.id, picture, key=_IN_KEYS.sub("_", key), step=step)
+        self._outbox.send("artifact", file=str(path), folder=f"pictures/{group}".rstrip("/"))
+        key = _IN_KEYS.sub("_", "/".join(filter(None, (self.label, group, path.stem))))
+        self._outbox.send("image", run=self.parent or self.id, file=str(path), key=key, step=step)
 
     def log_child(self, name: str, curves: Mapping[str, Mapping[int, float]], tags: Mapping[str, str]) -> None:
         """Add a finished run below this one, with curves {name: {step: value}}."""
-        from mlflow.entities import Metric
-
-        parent = self._client.get_run(self.id)
-        own_tags = {"mlflow.parentRunId": self.id, "kind": PART}
-        own_tags |= {
-            name: parent.data.tags[name] for name in ("stage", "item", "execution") if name in parent.data.tags
-        }
-        child = self._client.create_run(parent.info.experiment_id, run_name=name, tags=own_tags | dict(tags))
         now = int(time.time() * 1000)
         points = [
-            Metric(stored_name(metric), float(value), now, step)
+            (stored_name(metric), float(value), now, step)
             for metric, curve in curves.items()
             for step, value in curve.items()
         ]
-        self._client.log_batch(child.info.run_id, metrics=points)
-        self._client.set_terminated(child.info.run_id, "FINISHED")
+        self._outbox.send("child", name=name, points=points, tags={"kind": PART, **tags})
 
     def mlflow_logger(self) -> "MLFlowLogger":
         """Return the logger by which Lightning's trainer writes its curves into this run."""
@@ -167,27 +153,39 @@ class Run:
 
     def flush(self) -> None:
         """Write what was logged so far into the store."""
-        self._client.log_batch(self.id, metrics=self._pending)
-        self._pending.clear()
+        if self._pending:
+            self._outbox.send("metrics", points=self._pending)
+            self._pending.clear()
 
     def end(self, status: str, **tags: str) -> None:
         """Close the run and its parent as FINISHED, FAILED or KILLED; a killed run can be continued."""
         self.flush()
-        for name, value in tags.items():
-            self._client.set_tag(self.id, name, value)
-        self._client.set_terminated(self.id, status)
-        if self.parent is not None:
-            self._client.set_terminated(self.parent, status)
+        if tags:
+            self._outbox.send("tags", tags=tags)
+        self._outbox.send("ended", also=[self.parent] if self.parent else [], status=status)
+        self._outbox.close()
+
+    def describe(self, params: Mapping[str, Any], inputs: Mapping[str, Path], digests: Mapping[str, str]) -> None:
+        """Log parameters, inputs and their origins. A continued run has equal ones (see `_key`)."""
+        values = {stored_name(name): str(value)[:_PARAM_LENGTH] for name, value in flatten(params).items()}
+        known = [(label, digests[label], str(path)) for label, path in inputs.items()]
+        self._outbox.send("described", params=values, inputs=known)
+        if origins := origin_tags(inputs):
+            self._outbox.send("tags", tags={stored_name(name): value for name, value in origins.items()})
 
     def summarise(self, stage: str, item: str | None) -> None:
         """Write the note on the run's page, and copy the main figure into the parent run."""
-        self._client.set_tag(self.id, "mlflow.note.content", note(stage, self.metrics))
+        self.tag("mlflow.note.content", note(stage, self.metrics))
         headline, figures = HEADLINES.get(stage), flatten(self.metrics)
         if self.parent is None or headline is None:
             return
-        for name in (headline.metric, headline.baseline):
-            if isinstance(figures.get(name or ""), int | float):
-                self._client.log_metric(self.parent, "/".join(filter(None, (stage, item, name))), figures[str(name)])
+        now = int(time.time() * 1000)
+        points = [
+            ("/".join(filter(None, (stage, item, name))), float(figures[name]), now, 0)
+            for name in (headline.metric, headline.baseline)
+            if name and isinstance(figures.get(name), int | float)
+        ]
+        self._outbox.send("metrics", run=self.parent, points=points)
 
 
 @contextmanager
@@ -205,8 +203,9 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
     with store_errors():
         with _begin_lock():
             client = open_store()
+            send_unsent(client)
             run = _begin(client, stage, item, name, _key(params, digests))
-        _describe(client, run.id, params, inputs, digests)
+        run.describe(params, inputs, digests)
         try:
             yield run
         except (KeyboardInterrupt, SystemExit):
@@ -278,7 +277,8 @@ def _begin(client: "MlflowClient", stage: str, item: str | None, name: str, key:
         parent = execution_run(client, experiment, execution, shared)
         client.update_run(parent, status="RUNNING")
         tags |= {"execution": execution, "mlflow.parentRunId": parent}
-    return Run(_continue_or_create(client, experiment, name, tags, key), client, parent, name.replace("@", "/"))
+    run_id = _continue_or_create(client, experiment, name, tags, key)
+    return Run(run_id, client, Outbox(client, run_id), parent, name.replace("@", "/"))
 
 
 def _continue_or_create(client: "MlflowClient", experiment: str, name: str, tags: Mapping[str, str], key: str) -> str:
@@ -301,32 +301,6 @@ def _continue_or_create(client: "MlflowClient", experiment: str, name: str, tags
     state.parent.mkdir(parents=True, exist_ok=True)
     atomic_write(state, json.dumps({"run_id": run.info.run_id, "key": key}).encode())
     return run.info.run_id
-
-
-def _describe(
-    client: "MlflowClient",
-    run_id: str,
-    params: Mapping[str, Any],
-    inputs: Mapping[str, Path],
-    digests: Mapping[str, str],
-) -> None:
-    """Log parameters, inputs and their origins. A continued run has equal ones (see `_key`)."""
-    from mlflow.entities import Dataset, DatasetInput, InputTag, Param, RunTag
-
-    values = {stored_name(name): str(value)[:_PARAM_LENGTH] for name, value in flatten(params).items()}
-    flat = [Param(name, value) for name, value in values.items()]
-    for first in range(0, len(flat), _PARAMS_A_BATCH):
-        client.log_batch(run_id, params=flat[first : first + _PARAMS_A_BATCH])
-    datasets = [
-        DatasetInput(
-            Dataset(label, digests[label], "local", json.dumps({"uri": str(path)})),
-            [InputTag("mlflow.data.context", "input")],
-        )
-        for label, path in inputs.items()
-    ]
-    if datasets:
-        client.log_inputs(run_id, datasets=datasets)
-        client.log_batch(run_id, tags=[RunTag(stored_name(name), value) for name, value in origin_tags(inputs).items()])
 
 
 def _tags(stage: str, item: str | None) -> dict[str, str]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from pentimento.contracts.errors import PentimentoError
 from pipelines._tracking.families import experiment_tags
+from pipelines._tracking.outbox import await_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -25,6 +26,7 @@ GROUP_VARIABLE, SEED_VARIABLE = "PENTIMENTO_GROUP", "PENTIMENTO_SEED"
 EXECUTION, STAGE, PART = "execution", "stage", "part"
 """Values of the tag `kind`: a parent, a stage, a part of a stage."""
 _SQLITE = "sqlite:///"
+_SERVERS = ("http://", "https://")
 _DATABASES = (_SQLITE, "postgresql", "mysql", "mssql")
 _TEMPORARY = Path(".dvc/tmp/exps")
 """Where DVC runs queued experiments, in temporary copies of the repository."""
@@ -55,6 +57,8 @@ def open_store() -> "MlflowClient":
     address = os.environ["MLFLOW_TRACKING_URI"]
     if address.startswith(_DATABASES):
         _check_version(address)
+    elif address.startswith(_SERVERS):
+        await_server(address, execution_name())
     return MlflowClient(address)
 
 
@@ -129,6 +133,9 @@ def _settings() -> None:
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "CRITICAL")  # its errors become sentences
+    # MLflow tries for minutes; what a server does not take is kept (`outbox`).
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "2")
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "20")
 
 
 def _repository(folder: Path) -> Path:
