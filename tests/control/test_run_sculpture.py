@@ -232,7 +232,7 @@ def test_goals_of_8_bits_and_thin_clay_are_told(tmp_path: Path) -> None:
     Image.fromarray(grey).save(tmp_path / "grey.png")
     told: list[str] = []
     goal = ClayGoal("heights", str(tmp_path / "grey.png"))
-    commission = ClayCommission("", "", "foam", "foam", goal, 0.01, 1, 0)
+    commission = ClayCommission("", "", "foam", "foam", goal, 0.01, 1, 0, 48)
     thin = np.full((48, 48), 0.009, np.float32)
     heights = module._goal(commission, SETTINGS, thin, (0.2, 0.2), tell=told.append)
     assert "has 8 bits: its heights are in 256 steps" in told[0]

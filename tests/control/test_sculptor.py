@@ -67,8 +67,8 @@ def sculpted(robot: PaperRobot, config: SculptorConfig = CONFIG, count: int = 4,
     execution = replace(Execution(replan_every=2, patience=4, dwell_s=0.5, retract_speed_m_s=0.05), **changes)  # type: ignore[arg-type]
     guarded = GuardedSculptingRobot(robot, push_envelope_for(BALL, robot.area_m))
     return sculpt(
-        guarded, BALL, "paper", goal_m=reachable_goal(), members=[PressedClay()], config=config, execution=execution,
-        count=count, session=Session("test", 0.0), item=3, log=lambda *_: None,
+        guarded, BALL, "paper", goal_m=reachable_goal(), members=[PressedClay()], grid=flat().shape, config=config,
+        execution=execution, count=count, session=Session("test", 0.0), item=3, log=lambda *_: None,
     )  # fmt: skip
 
 
@@ -114,7 +114,7 @@ def test_sculpting_push_outside_the_envelope_is_refused() -> None:
     with pytest.raises(EnvelopeViolation, match="off the slab"):
         sculpt(
             GuardedSculptingRobot(robot, narrow), BALL, "paper", goal_m=reachable_goal(),
-            members=[PressedClay()], config=CONFIG, execution=Execution(2, 4, 0.5, 0.05), count=4,
+            members=[PressedClay()], grid=flat().shape, config=CONFIG, execution=Execution(2, 4, 0.5, 0.05), count=4,
             session=Session("test", 0.0), item=0, log=lambda *_: None,
         )  # fmt: skip
     np.testing.assert_array_equal(robot.height_m, flat())

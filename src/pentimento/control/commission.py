@@ -98,6 +98,11 @@ class ClayCommission:
     actions: int
     """Maximum number."""
     seed: int
+    scan_pixels: int
+    """Of a scan, along the slab's longer side."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 8, "scan_pixels")
 
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:
