@@ -39,6 +39,8 @@ SUMMARY: Final = "sculpture.json"
 """In a finished sculpture's folder: number of actions, and errors of height (mm²) and slope before and after."""
 PREVIEW: Final = "preview.png"
 """In its folder before anything moves: the clay and the goal, lit, side by side."""
+_PREVIEW_PX: Final = 384
+"""Longer side of each of its pictures, unless scans are finer."""
 HEIGHTS: Final = ("before", "goal", "result")
 """Height maps in its folder, 16-bit PNG."""
 RECORD: Final = "pushes"
@@ -238,7 +240,8 @@ def _relief(
 
 
 def _preview(folder: Path, height_m: Array, goal_m: Array, window_m: tuple[float, float, float, float]) -> None:
-    pictures = [photograph(heights, np.array(window_m)) for heights in (height_m, goal_m)]
+    scale = max(_PREVIEW_PX // max(height_m.shape), 1)
+    pictures = [photograph(heights, np.array(window_m), scale) for heights in (height_m, goal_m)]
     atomic_write(folder / PREVIEW, encode_png(np.hstack(pictures)))
 
 

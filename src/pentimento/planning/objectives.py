@@ -185,7 +185,7 @@ class ClayObjective:
 
 
 def changed_windows(change: Array) -> list[tuple[slice, slice] | None]:
-    """Of each map [K, H, W], the smallest window (rows, columns) outside of which it is zero; None where it is all zero."""
+    """Of each map [K, H, W], the smallest window (rows, columns) outside of which it is 0; None where all of it is."""
     windows: list[tuple[slice, slice] | None] = []
     for there in change != 0:
         rows, columns = np.flatnonzero(there.any(axis=1)), np.flatnonzero(there.any(axis=0))
