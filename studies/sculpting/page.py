@@ -103,7 +103,8 @@ def _reliefs(files: list[Path], pictures: Path) -> str:
     lines, rows = [], []
     for file in files:
         said = _read(file)
-        removed = {name: percent(1 - said[name][1] / said[name][0]) for name in said if isinstance(said[name], list)}
+        errors = ("error_3d_mm2", "visual_error", "visual_error_on_grid")
+        removed = {name: percent(1 - said[name][1] / said[name][0]) for name in errors}
         plans = said["plans"]
         lines.append(
             f"| {said['goal']} | {said['seed']} | {len(said['actions'])} | {decimal(said['error_3d_mm2'][0])} | "

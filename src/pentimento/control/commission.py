@@ -101,9 +101,6 @@ class ClayCommission:
     scan_pixels: int
     """Of a scan, along the slab's longer side."""
 
-    def __post_init__(self) -> None:
-        at_least(self, 8, "scan_pixels")
-
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:
     """Write the commission into a new folder.

@@ -39,6 +39,8 @@ SUMMARY: Final = "sculpture.json"
 """In a finished sculpture's folder: number of actions, and errors of height (mm²) and slope before and after."""
 PREVIEW: Final = "preview.png"
 """In its folder before anything moves: the clay and the goal, lit, side by side."""
+_SCAN_PIXELS: Final = (16, 1024)
+"""Fewer do not resolve a dent; more take the studio minutes a push."""
 _PREVIEW_PX: Final = 384
 """Longer side of each of its pictures, unless scans are finer."""
 HEIGHTS: Final = ("before", "goal", "result")
@@ -75,19 +77,24 @@ def clay_commission_of(
 
     Raises:
         BundleError: the bundle is refused.
-        ConfigError: the bundle has no push model of that material.
+        ConfigError: the bundle has no push model of that material, or a scan would have too few or too many pixels.
         GoalError, ImageError: the goal cannot be read or drawn.
     """
     opened = open_bundle(bundle)
     name = _clay_of(opened, material)
     settings = opened.manifest.sculpting[name]
+    pixels = max(opened.manifest.clays[name].shape) if scan_pixels is None else scan_pixels
+    if not _SCAN_PIXELS[0] <= pixels <= _SCAN_PIXELS[1]:
+        raise ConfigError(
+            f"A scan of {pixels} pixels a side cannot be planned on; give {_SCAN_PIXELS[0]} to {_SCAN_PIXELS[1]}."
+        )
     _relief(goal, (32, 32), settings.side_share, 0.0, tell=lambda _: None)  # so that an error leaves no folder behind
     return ClayCommission(
         str(bundle.resolve()), opened.digest, material, world or material, goal,
         settings.fit.depth_m if depth_m is None else depth_m,
         settings.actions if actions is None else actions,
         settings.planner.seed if seed is None else seed,
-        max(opened.manifest.clays[name].shape) if scan_pixels is None else scan_pixels,
+        pixels,
     )  # fmt: skip
 
 

@@ -52,7 +52,10 @@ def test_resampling_keeps_the_mean_height(wanted: tuple[int, int]) -> None:
 def test_resampling_keeps_the_place_of_a_slope() -> None:
     """A plane is a plane on every grid, so that nothing is displaced by a part of a pixel."""
     fine, coarse = ((np.arange(side) + 0.5) / side for side in (192, 48))
-    plane = lambda along: (0.04 + 0.01 * along[:, None] - 0.02 * along[None]).astype(np.float32)  # noqa: E731
+
+    def plane(along: np.ndarray) -> np.ndarray:
+        return (0.04 + 0.01 * along[:, None] - 0.02 * along[None]).astype(np.float32)
+
     np.testing.assert_allclose(resampled(plane(fine), GRID), plane(coarse), atol=2e-8)
     inner = slice(2, -2)  # beyond the outermost centres, the finer map is level
     np.testing.assert_allclose(resampled(plane(coarse), (192, 192))[inner, inner], plane(fine)[inner, inner], atol=2e-8)
