@@ -39,6 +39,8 @@ SIDE_PX = 512
 ACTIONS = 150
 DEPTH_M = 0.009
 SIDE_SHARE = 0.8
+RISING_SHARE = 0.05
+"""Foam absorbs nearly all; with more, the goal would have a plate that rises above the border."""
 VISUAL = 4.0
 """Weight of the squared slope error; of the other weights see params.yaml."""
 _RELIEF_PX = 256
@@ -81,7 +83,7 @@ def main(arguments: argparse.Namespace) -> None:
     relief = {"face": face, "knot": knot}.get(arguments.goal, lambda side: letter_relief(arguments.goal, side))
     soften_px = sculpting.edge_blur_m * arguments.side / robot.area_m[0]
     placed = soften(place(relief(_RELIEF_PX), (height.shape[0], height.shape[1]), SIDE_SHARE), soften_px)
-    fit = fit_goal(placed, height, replace(sculpting.fit, depth_m=DEPTH_M))
+    fit = fit_goal(placed, height, replace(sculpting.fit, depth_m=DEPTH_M, rising_share=RISING_SHARE))
     weights = replace(sculpting.planner.weights, visual=VISUAL)
     sculptor = TimedSculptor(
         robot=robot, end_effector=end_effector, material=MATERIAL, goal_m=fit.height_m, members=members,
