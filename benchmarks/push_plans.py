@@ -31,7 +31,7 @@ from pentimento.planning.pushes.goal import fit_goal
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.planning.pushes.scales import ScanObjective, plan_for_scan, resampled
 from studies.sculpting.clay import robot_with, settings
-from studies.sculpting.reliefs import ACTIONS, DEPTH_M, MATERIAL, RISING_SHARE, SIDE_PX, SIDE_SHARE, TOOL
+from studies.sculpting.reliefs import ACTIONS, DEPTH_M, MATERIAL, SIDE_PX, SIDE_SHARE, TOOL
 from studies.sculpting.shapes import face, knot
 
 _PUSH = np.array([0.09, 0.1, 0.3, 0.02, 0.005])
@@ -56,7 +56,7 @@ def main(arguments: argparse.Namespace) -> None:
         place({"face": face, "knot": knot}[arguments.goal](256), (SIDE_PX, SIDE_PX), SIDE_SHARE),
         sculpting.edge_blur_m * SIDE_PX / robot.area_m[0],
     )
-    goal = fit_goal(relief, height, replace(sculpting.fit, depth_m=DEPTH_M, rising_share=RISING_SHARE)).height_m
+    goal = fit_goal(relief, height, replace(sculpting.fit, depth_m=DEPTH_M)).height_m
     of_scan = ClayObjective(goal, window_m, sculpting.planner.weights)
     on_grid = EnsembleRollout(lean, ScanObjective(of_scan, height, start), sculpting.planner.disagreement_weight)
     _say(
