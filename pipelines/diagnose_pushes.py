@@ -57,7 +57,8 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         table = with_runs(read_table(arguments.pushes, CONTRACT).table, arguments.runs)
         found = write_push_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
-        (samples, _), network = load_pushes(table), read_push_model(arguments.base)
+        network = read_push_model(arguments.base)
+        samples, _ = load_pushes(table, network.facts.crop.pixels_per_m)
         unseen = arguments.base / "held_out_actions.json"
         held_out = np.array(json.loads(unseen.read_text(encoding="utf-8")))
         if not np.isin(held_out, samples.action_id).any():

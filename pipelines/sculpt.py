@@ -11,6 +11,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.frames import image_shape
 from pentimento.contracts.height_maps import encode_height_png
 from pentimento.contracts.images import write_png
 from pentimento.contracts.pushes import CONTRACT
@@ -30,8 +31,9 @@ from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.analytic.correction import corrected
 from pentimento.planning.pushes.goal import GoalFit, fit_goal
 from pentimento.planning.pushes.memory import PushMemory
-from pentimento.planning.pushes.plan import PushPlan, plan
+from pentimento.planning.pushes.plan import PushPlan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
+from pentimento.planning.pushes.scales import plan_for_scan
 from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector, load_end_effector
@@ -43,6 +45,11 @@ from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
 
 Array = NDArray[np.float32]
+
+_PICTURE_PX = 384
+"""Side of a picture, unless the scan is finer."""
+_FRAME_PX = 256
+"""The same of a picture of the time-lapse."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +126,7 @@ def main(arguments: argparse.Namespace) -> None:
                 f"sculpt.settings asks for {arguments.material} with {end_effector.name}; train it on that."
             )
         members = tuple(corrected(member, arguments.model) for member in planned_members(model, window_m))
+        grid = image_shape(window_m, model.facts.crop.pixels_per_m)
         reader = LetterClassifier(config.classifier_letters, config.classifier_examples, config.seed)
         session = Session(f"sculpture-{arguments.material}-{config.seed}", robot.clock_s)
         rows: list[dict[str, Any]] = []
@@ -132,11 +140,11 @@ def main(arguments: argparse.Namespace) -> None:
             height, _ = seen_m(robot.scan())
             fit = _goal(wanted, height, setting, robot)
             predicted = _predicted(
-                height, fit, members, end_effector=end_effector, robot=robot, sculpting=sculpting, number=number,
-                memory=PushMemory(executed, {}),
+                height, fit, members, grid=grid, end_effector=end_effector, robot=robot, sculpting=sculpting,
+                number=number, memory=PushMemory(executed, {}),
             )  # fmt: skip
             sculpture = sculpt(
-                robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
+                robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=grid,
                 config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
                 item=number, log=run.log_under(name), earlier=executed,
             )  # fmt: skip
@@ -144,7 +152,7 @@ def main(arguments: argparse.Namespace) -> None:
             rows += sculpture.rows
             executed = (*executed, *sculpture.actions)
             frames += [
-                photograph(each, window_m, 2) for each in sculpture.heights_m[:: sculpting.execution.replan_every]
+                _shown(each, window_m, _FRAME_PX) for each in sculpture.heights_m[:: sculpting.execution.replan_every]
             ]
             metrics = _metrics(
                 wanted, fit, predicted, sculpture=sculpture, config=config, reader=reader, setting=setting,
@@ -180,6 +188,7 @@ def _predicted(
     fit: GoalFit,
     members: tuple[PushModel, ...],
     *,
+    grid: tuple[int, int],
     end_effector: EndEffector,
     robot: SculptingRobot,
     sculpting: SculptingSettings,
@@ -191,7 +200,7 @@ def _predicted(
     foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight, memory=memory)
     reach = reach_for(end_effector, robot.area_m, sculpting.planner.edge_m)
     whole = replace(sculpting.planner, horizon=sculpting.actions, rounds=0, refine="none")
-    return plan(height, foresight, reach, config=whole, count=sculpting.actions, item=(number, 0))
+    return plan_for_scan(height, foresight, reach, grid=grid, config=whole, count=sculpting.actions, item=(number, 0))
 
 
 def _metrics(
@@ -241,11 +250,15 @@ def _pictures(
     heights = (sculpture.heights_m[0], fit.height_m, predicted.predicted_m[-1], sculpture.heights_m[-1])
     shown = dict(zip(("before", "goal", "plan", "result"), heights, strict=True))
     for name, height in shown.items():
-        write_png(folder / f"{name}.png", photograph(height, window_m))
+        write_png(folder / f"{name}.png", _shown(height, window_m, _PICTURE_PX))
         (folder / f"{name}_height.png").write_bytes(encode_height_png(height, HEIGHT_PER_UNIT_M))
-    row = np.hstack([photograph(height, window_m) for height in shown.values()])
+    row = np.hstack([_shown(height, window_m, _PICTURE_PX) for height in shown.values()])
     write_png(folder.parent / f"{folder.name}.png", row)
     write_json(folder / "plan.json", {"actions": predicted.actions, "values": predicted.values})
+
+
+def _shown(height_m: Array, window_m: NDArray[np.float64], side_px: int) -> NDArray[np.uint8]:
+    return photograph(height_m, window_m, max(side_px // len(height_m), 1))
 
 
 def _table(rows: list[dict[str, Any]]) -> pa.Table:

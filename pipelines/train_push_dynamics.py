@@ -34,7 +34,7 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         checked = read_table(arguments.pushes, CONTRACT)
-        samples, repairs = load_pushes(checked.table)
+        samples, repairs = load_pushes(checked.table, config.pixels_per_m)
         for sentence in repairs.sentences():
             print(sentence, file=sys.stderr)
         training, held_out = split_by_action(samples, config.held_out, config.seed)

@@ -49,6 +49,7 @@ LONGER, BEFORE_ADAPTING = 5 / 3, 1.25
 them: three ways of giving way are learnt by one network. And one that is to be adapted, of all its materials."""
 DOCS = Path("docs/push_models.md")
 CONFIG = TrainingConfig(
+    pixels_per_m=math.inf,
     side_px=64, behind_m=0.03, channels=16, members=1, epochs=1, batch=16, learning_rate=4e-3, visual_weight=1.0,
     held_out=0.25, seed=0,
 )  # fmt: skip

@@ -60,7 +60,7 @@ def main(arguments: argparse.Namespace) -> None:
         depth_m = DEPTH_M[number]
         fit = fit_goal(relief, height, replace(sculpting.fit, depth_m=depth_m, rising_share=arguments.rising_share))
         made = sculpt(
-            robot, end_effector, arguments.material, goal_m=fit.height_m, members=members,
+            robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=given.grid,
             config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions,
             session=Session("alphabet", robot.clock_s), item=number, log=_unheard,
         )  # fmt: skip

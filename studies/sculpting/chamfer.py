@@ -32,6 +32,10 @@ class ChamferObjective(ClayObjective):
         maps = height_m.reshape(-1, *height_m.shape[-2:])
         return np.array([self._distance(each) for each in maps]).reshape(height_m.shape[:-2])
 
+    def values_from(self, before_m: Array, after_m: Array) -> FloatArray:
+        """Of maps [K, H, W]; points of the whole map count."""
+        return self.values(after_m)
+
     def _distance(self, height_m: Array) -> float:
         cloud = self._points(height_m)
         there = self._tree.query(cloud)[0]

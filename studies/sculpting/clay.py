@@ -37,6 +37,11 @@ class Settings:
     """Of foam."""
     sculpt: Sculpt
 
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Of the height maps of push models, [h, w]; the slab is square."""
+        return self.collection.scan_pixels, self.collection.scan_pixels
+
 
 def settings(params: Path) -> Settings:
     """Read params.yaml."""
@@ -62,7 +67,7 @@ def model_of(material: str, tool: str, given: Settings, models: Path, window_m: 
     if not folder.is_dir():
         robot, end_effector = robot_with(material, tool, given.collection.scan_pixels, given.collection.seed)
         rows = collect_pushes(robot, end_effector, material, given.collection, _unheard)
-        samples, _ = load_pushes(pa.Table.from_pylist(rows))
+        samples, _ = load_pushes(pa.Table.from_pylist(rows), given.training.pixels_per_m)
         crop = crop_for(samples, given.training)
         context = [(material, tool)]
         model = train(

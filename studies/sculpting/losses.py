@@ -45,7 +45,7 @@ def main(arguments: argparse.Namespace) -> None:
         replace(sculpting.planner, min_relative_gain=0.0),
     )
     made = sculpt(
-        robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, config=config,
+        robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=given.grid, config=config,
         execution=execution, count=ACTIONS, session=Session("losses", robot.clock_s), item=0, log=lambda *_: None,
     )  # fmt: skip
     objective = ClayObjective(fit.height_m, scan.window_m, config.weights)

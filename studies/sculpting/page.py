@@ -1,6 +1,7 @@
 """Make docs/sculpting.md of what the experiments wrote: `python -m studies.sculpting.page --results DIR --out docs`.
 
-It takes what there is: `alphabet_<material>_<seed>/`, `smoothing*.json`, `losses*.json`, `noise*.json`.
+It takes what there is: `alphabet_<material>_<seed>/`, `reliefs*.json`, `smoothing*.json`, `losses*.json`,
+`noise*.json`.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ from pentimento.report.figures import BLUE, OCHRE, Series, line_chart
 from pentimento.report.wording import decimal, percent
 
 _PICTURES = "sculpting"
+_RELIEF_PX = 320
+"""Side of each picture of a relief."""
 
 _OPENING = """# Sculpting: what the planner can do
 
 Written by `python -m studies.sculpting.page --results DIR --out docs`; do not edit. All of it happens in the virtual
 studio, where clay springs back, heaps up, slides and hardens by other laws than the models here know, and scans are
-noisy. Heights are compared over the whole slab of 20 × 20 cm, 128 × 128 pixels. *Height* is the mean squared error in
-mm², *slope* that of the spatial gradient. To do nothing leaves the error of *before*.
+noisy. Heights are compared over the whole slab of 20 × 20 cm, 128 × 128 pixels where nothing else is said. *Height* is
+the mean squared error in mm², *slope* that of the spatial gradient. To do nothing leaves the error of *before*.
 
 Each experiment is a share: the seeds are named, and `studies/sculpting/` makes others.
 """
@@ -39,6 +42,9 @@ def main(arguments: argparse.Namespace) -> None:
     parts = [_OPENING]
     for folder in sorted(arguments.results.glob("alphabet_*")):
         parts.append(_alphabet(folder, pictures))
+    reliefs = sorted(arguments.results.glob("reliefs*.json"))
+    if reliefs:
+        parts.append(_reliefs(reliefs, pictures))
     smoothings = [_read(file) for file in sorted(arguments.results.glob("smoothing*.json"))]
     if smoothings:
         shutil.copy(min(arguments.results.glob("smoothing*.png")), pictures / "smoothing.png")
@@ -93,6 +99,43 @@ Goal and result of each:
 """
 
 
+def _reliefs(files: list[Path], pictures: Path) -> str:
+    lines, rows = [], []
+    for file in files:
+        said = _read(file)
+        errors = ("error_3d_mm2", "visual_error", "visual_error_on_grid")
+        removed = {name: percent(1 - said[name][1] / said[name][0]) for name in errors}
+        plans = said["plans"]
+        lines.append(
+            f"| {said['goal']} | {said['seed']} | {len(said['actions'])} | {decimal(said['error_3d_mm2'][0])} | "
+            f"{decimal(said['error_3d_mm2'][1])} | {removed['error_3d_mm2']} | {removed['visual_error']} | "
+            f"{removed['visual_error_on_grid']} | {plans['wall_s']:.0f} s | {plans['cpu_s']:.0f} s |"
+        )
+        three = read_image(file.with_suffix(".png"))
+        shape = (3 * _RELIEF_PX, _RELIEF_PX)
+        rows.append(cv2.resize(three, shape, interpolation=cv2.INTER_AREA) if three.shape[0] > _RELIEF_PX else three)
+    write_png(pictures / "reliefs.png", np.vstack(rows))
+    side, grid = said["side_px"], said["grid"][0]
+    return f"""
+## Reliefs at {side} × {side} pixels (thesis 7.2, A.2)
+
+Scans have {side} × {side} pixels, and errors are those of the scans. The push model, and with it the plan, has
+{grid} × {grid}: predicted changes are brought to the scan's pixels by linear interpolation, and the plan lowers the
+error there ([performance](performance.md#plans-of-sculptures)). The deepest place lies 9 mm below the foam's mean
+height. Replanned after every fourth push; the last columns are the time of all plans of a sculpture together, in one
+process with one thread.
+*On the plan's pixels* is the error in slope of scans averaged to {grid} × {grid}.
+
+| relief | seed | pushes | height before | after | removed | of slope | on the plan's pixels | planning | processor |
+|---|---|---|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+
+Before, goal and result of each:
+
+![reliefs]({_PICTURES}/reliefs.png)
+"""
+
+
 def _smoothing(runs: list[dict[str, Any]]) -> str:
     lines = []
     for said in runs:
@@ -139,9 +182,9 @@ def _losses(runs: list[dict[str, Any]], pictures: Path) -> str:
 ## Fifty actions: pushed and pinched (thesis Figure 7.11)
 
 A large X, sunk into the material. What is left after fifty actions, as a share of the error before; the last column is
-how far the scans were from what had been predicted, mm² over the whole slab.
+how far the scans were from the prediction, mm² over the whole slab.
 
-| tool | seed | height | slope | slope at its least | predicted, off by |
+| tool | seed | height | slope | lowest slope | prediction error |
 |---|---|---|---|---|---|
 {chr(10).join(lines)}
 

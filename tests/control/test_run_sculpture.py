@@ -104,6 +104,21 @@ def test_sculpture_is_recorded_and_reduces_the_error(bundle: Path, tmp_path: Pat
     assert again.stopped == state.stopped and len(again.progress.actions) == pushes
 
 
+def test_scans_may_be_finer_than_the_push_model_s_maps(bundle: Path, tmp_path: Path) -> None:
+    commission = clay_commission_of(bundle, "foam", T, actions=2, seed=3, scan_pixels=2 * PIXELS)
+    control = Control()
+    control.send("stop")
+    with pytest.raises(Ended):
+        run_sculpture(commission, tmp_path / "s", resume=False, control=control, progress=Progress())
+    state = sculpted(read_clay_commission(tmp_path / "s") or commission, tmp_path / "s", resume=True)
+    assert {each.shape for each in (*state.progress.heights_m, state.goal_m)} == {(2 * PIXELS, 2 * PIXELS)}
+    assert len(state.progress.actions) >= 1 and state.progress.values[-1] < state.progress.values[0]
+    saved = load_sculpture(tmp_path / "s").progress  # the first and the last map, however many there were
+    np.testing.assert_array_equal(saved.heights_m, [state.progress.heights_m[0], state.progress.heights_m[-1]])
+    with pytest.raises(ConfigError, match="4 pixels a side cannot be planned on"):
+        clay_commission_of(bundle, "foam", T, scan_pixels=4)
+
+
 def test_sculpture_resumed_after_a_stop_equals_an_uninterrupted_one(bundle: Path, tmp_path: Path) -> None:
     whole = sculpted(commissioned(bundle), tmp_path / "whole")
     control = Control()
@@ -232,7 +247,7 @@ def test_goals_of_8_bits_and_thin_clay_are_told(tmp_path: Path) -> None:
     Image.fromarray(grey).save(tmp_path / "grey.png")
     told: list[str] = []
     goal = ClayGoal("heights", str(tmp_path / "grey.png"))
-    commission = ClayCommission("", "", "foam", "foam", goal, 0.01, 1, 0)
+    commission = ClayCommission("", "", "foam", "foam", goal, 0.01, 1, 0, 48)
     thin = np.full((48, 48), 0.009, np.float32)
     heights = module._goal(commission, SETTINGS, thin, (0.2, 0.2), tell=told.append)
     assert "has 8 bits: its heights are in 256 steps" in told[0]

@@ -18,10 +18,11 @@ from pentimento.control.sculptor import Sculpture, reach_for, sculpt, seen_m
 from pentimento.planning.pushes.config import SculptorConfig
 from pentimento.robots.driver import Push
 from pentimento.robots.tools import EndEffector, load_end_effector
-from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
+from tests.planning.pushes.clay import SIDE_PX, WINDOW_M, PressedClay, flat
 from tests.planning.pushes.settings import CONFIG
 
 BALL = load_end_effector("ball")
+SHAPE = (SIDE_PX, SIDE_PX)
 PUSHES = np.array([[0.03, 0.03, 0.5, 0.025, 0.006], [0.07, 0.06, 2.5, 0.02, 0.005]])
 
 
@@ -32,9 +33,11 @@ class PaperRobot:
     strength: float = 1.0
     clock_s: float = 0.0
     area_m: tuple[float, float] = (0.1, 0.1)
+    finer: int = 1
+    """Pixels of a scan for each of the model's, along a side."""
 
     def __post_init__(self) -> None:
-        self.height_m = flat()
+        self.height_m = flat().repeat(self.finer, 0).repeat(self.finer, 1)
 
     def change_tool(self, end_effector: EndEffector) -> None: ...
 
@@ -56,8 +59,8 @@ class PaperRobot:
     def wait(self, seconds: float) -> None: ...
 
 
-def reachable_goal() -> np.ndarray:
-    height = flat()
+def reachable_goal(finer: int = 1) -> np.ndarray:
+    height = flat().repeat(finer, 0).repeat(finer, 1)
     for push in PUSHES:
         height = PressedClay().after(height, push[None])[0]
     return height
@@ -67,8 +70,8 @@ def sculpted(robot: PaperRobot, config: SculptorConfig = CONFIG, count: int = 4,
     execution = replace(Execution(replan_every=2, patience=4, dwell_s=0.5, retract_speed_m_s=0.05), **changes)  # type: ignore[arg-type]
     guarded = GuardedSculptingRobot(robot, push_envelope_for(BALL, robot.area_m))
     return sculpt(
-        guarded, BALL, "paper", goal_m=reachable_goal(), members=[PressedClay()], config=config, execution=execution,
-        count=count, session=Session("test", 0.0), item=3, log=lambda *_: None,
+        guarded, BALL, "paper", goal_m=reachable_goal(robot.finer), members=[PressedClay()], grid=SHAPE, config=config,
+        execution=execution, count=count, session=Session("test", 0.0), item=3, log=lambda *_: None,
     )  # fmt: skip
 
 
@@ -77,6 +80,14 @@ def test_sculpting_reduces_the_objective_as_predicted() -> None:
     assert result.helped and result.values[-1] < 0.3 * result.values[0]
     # The robot equals the model; only the filled hole differs.
     np.testing.assert_allclose(result.heights_m[1:], result.predicted_m, atol=2e-4)
+
+
+def test_finer_scans_are_sculpted_on_the_model_s_grid_and_compared_on_their_own() -> None:
+    result = sculpted(PaperRobot(finer=4))
+    assert result.heights_m.shape[1:] == result.predicted_m.shape[1:] == (4 * SIDE_PX, 4 * SIDE_PX)
+    assert result.values[-1] < 0.3 * result.values[0]
+    off_m = result.heights_m[1:] - result.predicted_m
+    assert np.sqrt(np.square(off_m).mean()) < 5e-5  # of pushes 6 mm deep, whose dents the model's grid rounds
 
 
 def test_sculpting_rows_satisfy_the_pushes_contract(tmp_path: Path) -> None:
@@ -114,7 +125,7 @@ def test_sculpting_push_outside_the_envelope_is_refused() -> None:
     with pytest.raises(EnvelopeViolation, match="off the slab"):
         sculpt(
             GuardedSculptingRobot(robot, narrow), BALL, "paper", goal_m=reachable_goal(),
-            members=[PressedClay()], config=CONFIG, execution=Execution(2, 4, 0.5, 0.05), count=4,
+            members=[PressedClay()], grid=SHAPE, config=CONFIG, execution=Execution(2, 4, 0.5, 0.05), count=4,
             session=Session("test", 0.0), item=0, log=lambda *_: None,
         )  # fmt: skip
     np.testing.assert_array_equal(robot.height_m, flat())

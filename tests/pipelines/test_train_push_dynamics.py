@@ -14,6 +14,7 @@ from pentimento.contracts.tables import write_table
 from pentimento.dynamics.pushes.push_model import read_push_model
 
 SECTION = {
+    "pixels_per_m": 640.0,
     "side_px": 40, "behind_m": 0.03, "channels": 4, "members": 1, "epochs": 3, "batch": 8, "learning_rate": 0.004,
     "visual_weight": 1.0, "held_out": 0.25, "seed": 0,
 }  # fmt: skip

@@ -11,6 +11,7 @@ from pentimento.contracts.images import read_image, write_png
 from pentimento.planning.objectives import ClayObjective, Weights
 from studies.sculpting import page
 from studies.sculpting.chamfer import ChamferObjective
+from studies.sculpting.shapes import face, knot
 
 WINDOW_M = (0.0, 0.0, 0.064, 0.064)
 FLAT = np.full((64, 64), 0.0402, np.float32)
@@ -70,3 +71,32 @@ def test_the_page_counts_letters_that_met_their_bar_and_were_read(tmp_path: Path
     text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
     assert "60 % or more for 2 of 3 letters; 2 of 3 are read right" in text
     assert read_image(tmp_path / "docs/sculpting/alphabet_foam.png").shape == (8, 16, 3)
+
+
+def test_a_face_is_alike_on_both_sides_and_a_knot_turns_by_a_third() -> None:
+    relief, woven = face(64), knot(65)
+    np.testing.assert_allclose(relief, relief[:, ::-1], atol=1e-12)
+    assert relief.min() == -1.0 and relief.max() == 0.0 and relief[0, 0] == 0.0
+    assert woven.min() == -1.0 and woven[32, 32] == 0.0  # nothing passes the middle
+    x, y = (np.arange(65) + 0.5) / 65 * 2 - 1, (np.arange(65) + 0.5) / 65 * 2 - 1
+    places = np.stack(np.meshgrid(x, -y), axis=-1)
+    third = np.array([[-0.5, -np.sqrt(0.75)], [np.sqrt(0.75), -0.5]])
+    turned = places @ third
+    column, row = (np.rint((turned[..., 0] + 1) * 32.5 - 0.5), np.rint((1 - turned[..., 1]) * 32.5 - 0.5))
+    inside = np.hypot(places[..., 0], places[..., 1]) < 0.9
+    difference = woven[row[inside].astype(int), column[inside].astype(int)] - woven[inside]
+    assert np.abs(difference).mean() < 0.05
+
+
+def test_the_page_states_what_a_relief_removed(tmp_path: Path) -> None:
+    said = {
+        "goal": "knot", "seed": 1, "side_px": 512, "grid": [128, 128], "actions": [[0.1, 0.1, 0, 0.02, 0.004]] * 3,
+        "error_3d_mm2": [4.0, 1.0], "visual_error": [0.2, 0.1], "visual_error_on_grid": [0.2, 0.05], "values": [2, 1],
+        "plans": {"wall_s": 61.4, "cpu_s": 29.6, "plans": 38},
+    }  # fmt: skip
+    (tmp_path / "reliefs_knot.json").write_text(json.dumps(said))
+    write_png(tmp_path / "reliefs_knot.png", np.full((512, 1536, 3), 100, np.uint8))
+    page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
+    text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
+    assert "| knot | 1 | 3 | 4.00 | 1.00 | 75 % | 50 % | 75 % | 61 s | 30 s |" in text
+    assert read_image(tmp_path / "docs/sculpting/reliefs.png").shape == (320, 960, 3)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pentimento.control.run import Turns
 
 _CLAY_GOALS = ("letter", "goal_mesh", "goal_heights")  # and goal_image, which painting has as well
-_OF_CLAY = ("material", *_CLAY_GOALS, "font", "up", "pushes")
+_OF_CLAY = ("material", *_CLAY_GOALS, "font", "up", "pushes", "scan_pixels")
 _OF_PAINT = (
     "robot",
     "setting",
@@ -203,8 +203,9 @@ def _sculpt(arguments: argparse.Namespace) -> None:
     commission = read_clay_commission(folder) if arguments.resume is not None else None
     if commission is None:
         commission = clay_commission_of(
-            arguments.bundle, arguments.material, _clay_goal(arguments), actions=arguments.pushes, seed=arguments.seed
-        )
+            arguments.bundle, arguments.material, _clay_goal(arguments), actions=arguments.pushes, seed=arguments.seed,
+            scan_pixels=arguments.scan_pixels,
+        )  # fmt: skip
     control, progress = Control(), Progress()
     at_terminal(control, progress)
     with ended_by_signal():
@@ -404,6 +405,12 @@ COMMANDS = (
                 type=count,
                 metavar="N",
                 help="maximum number of pushes into the clay; by default the bundle's",
+            ),
+            option(
+                "--scan-pixels",
+                type=count,
+                metavar="N",
+                help="of a scan of the clay, along its longer side, such as 512; by default as the bundle's push model",
             ),
             option("--seed", type=seed, metavar="N", help="of plan, goal and studio; by default the setting's"),
             option("--out", type=Path, metavar="FOLDER", help="a new folder for the painting"),

@@ -47,7 +47,7 @@ _PLAIN: Final = (
 )  # fmt: skip
 _ARRAYS: Final = ("last_color_srgb", "painted_at_s", "ink", "color", "carried")
 
-_SCULPTURE_SCHEMA: Final = 2
+_SCULPTURE_SCHEMA: Final = 3
 _SCULPTURE: Final = "sculpture.npz"
 
 
@@ -200,8 +200,12 @@ def _strokes(values: dict[str, Any], arrays: Arrays) -> PlannedPaths:
 
 
 def save_sculpture(folder: Path, state: SculptureState) -> None:
-    """Replace the sculpture's checkpoint. Raises OSError; the previous one still exists then."""
+    """Replace the sculpture's checkpoint. Raises OSError; the previous one still exists then.
+
+    Of the height maps, the first and the last are saved: the file's size does not grow with the number of actions.
+    """
     progress = state.progress
+    first_and_last = progress.heights_m[:: max(len(progress.heights_m) - 1, 1)]
     values = {
         "sessions": state.sessions,
         "stopped": state.stopped,
@@ -217,9 +221,8 @@ def save_sculpture(folder: Path, state: SculptureState) -> None:
         "window_m": progress.scan.window_m,
         "table_plane": progress.scan.table_plane,
         "actions": np.array(progress.actions, np.float64).reshape(-1, 5),
-        "heights_m": np.stack(progress.heights_m),
+        "heights_m": np.stack(first_and_last),
         "objective": np.array(progress.values),
-        "expected_m": np.array(progress.expected_m, np.float32).reshape(-1, *state.goal_m.shape),
         "remaining": progress.remaining,
         "predicted_m": progress.predicted_m,
     }
@@ -248,7 +251,7 @@ def _sculpture(values: dict[str, Any], arrays: Arrays) -> SculptureState:
         actions=tuple(arrays["actions"]),
         heights_m=tuple(arrays["heights_m"]),
         values=tuple(arrays["objective"].tolist()),
-        expected_m=tuple(arrays["expected_m"]),
+        expected_m=(),
         remaining=arrays["remaining"],
         predicted_m=arrays["predicted_m"],
         due=values["due"],

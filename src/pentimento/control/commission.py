@@ -98,6 +98,8 @@ class ClayCommission:
     actions: int
     """Maximum number."""
     seed: int
+    scan_pixels: int
+    """Of a scan, along the slab's longer side."""
 
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:

@@ -39,6 +39,10 @@ SUMMARY: Final = "sculpture.json"
 """In a finished sculpture's folder: number of actions, and errors of height (mm²) and slope before and after."""
 PREVIEW: Final = "preview.png"
 """In its folder before anything moves: the clay and the goal, lit, side by side."""
+_SCAN_PIXELS: Final = (16, 1024)
+"""Fewer do not resolve a dent; more take the studio minutes a push."""
+_PREVIEW_PX: Final = 384
+"""Longer side of each of its pictures, unless scans are finer."""
 HEIGHTS: Final = ("before", "goal", "result")
 """Height maps in its folder, 16-bit PNG."""
 RECORD: Final = "pushes"
@@ -58,6 +62,7 @@ def clay_commission_of(
     depth_m: float | None = None,
     actions: int | None = None,
     seed: int | None = None,
+    scan_pixels: int | None = None,
 ) -> ClayCommission:
     """The commission of a command.
 
@@ -66,22 +71,30 @@ def clay_commission_of(
         depth_m: depth of the goal's lowest point below the clay's mean height.
         actions: maximum number of pushes.
         seed: of plan and studio.
+        scan_pixels: of a scan, along the slab's longer side; by default as many as the push model's maps have.
 
     The bundle's settings of the material give the depth, the number and the seed that are None.
 
     Raises:
         BundleError: the bundle is refused.
-        ConfigError: the bundle has no push model of that material.
+        ConfigError: the bundle has no push model of that material, or a scan would have too few or too many pixels.
         GoalError, ImageError: the goal cannot be read or drawn.
     """
     opened = open_bundle(bundle)
-    settings = opened.manifest.sculpting[_clay_of(opened, material)]
+    name = _clay_of(opened, material)
+    settings = opened.manifest.sculpting[name]
+    pixels = max(opened.manifest.clays[name].shape) if scan_pixels is None else scan_pixels
+    if not _SCAN_PIXELS[0] <= pixels <= _SCAN_PIXELS[1]:
+        raise ConfigError(
+            f"A scan of {pixels} pixels a side cannot be planned on; give {_SCAN_PIXELS[0]} to {_SCAN_PIXELS[1]}."
+        )
     _relief(goal, (32, 32), settings.side_share, 0.0, tell=lambda _: None)  # so that an error leaves no folder behind
     return ClayCommission(
         str(bundle.resolve()), opened.digest, material, world or material, goal,
         settings.fit.depth_m if depth_m is None else depth_m,
         settings.actions if actions is None else actions,
         settings.planner.seed if seed is None else seed,
+        pixels,
     )  # fmt: skip
 
 
@@ -106,7 +119,7 @@ def run_sculpture(
         write_commission(folder, commission)
     with exclusive(folder):
         end_effector = load_end_effector(bundle.folder / "end_effectors" / f"{facts.end_effector}.toml")
-        studio = virtual_sculpting_robot(commission.world, facts.shape[1], commission.seed)
+        studio = virtual_sculpting_robot(commission.world, commission.scan_pixels, commission.seed)
         journaled = JournaledClay(studio, folder / JOURNAL, lambda _: end_effector)
         try:
             robot = GuardedSculptingRobot(journaled, push_envelope_for(end_effector, journaled.area_m))
@@ -122,7 +135,7 @@ def run_sculpture(
                 progress.message(f"Nothing has moved yet; {folder / PREVIEW} shows the clay and the goal.")
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
-                members=clay_members(Graphs(bundle), name),
+                members=clay_members(Graphs(bundle), name), grid=facts.shape,
                 config=replace(settings.planner, seed=commission.seed), execution=settings.execution,
                 count=commission.actions,
                 # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
@@ -234,7 +247,8 @@ def _relief(
 
 
 def _preview(folder: Path, height_m: Array, goal_m: Array, window_m: tuple[float, float, float, float]) -> None:
-    pictures = [photograph(heights, np.array(window_m)) for heights in (height_m, goal_m)]
+    scale = max(_PREVIEW_PX // max(height_m.shape), 1)
+    pictures = [photograph(heights, np.array(window_m), scale) for heights in (height_m, goal_m)]
     atomic_write(folder / PREVIEW, encode_png(np.hstack(pictures)))
 
 

@@ -19,8 +19,9 @@ from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
 from pentimento.planning.pushes.memory import PushMemory
-from pentimento.planning.pushes.plan import PushPlan, plan
+from pentimento.planning.pushes.plan import PushPlan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
+from pentimento.planning.pushes.scales import plan_for_scan
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector
 
@@ -65,11 +66,13 @@ class SculptureProgress:
     actions: tuple[FloatArray, ...]
     """Executed actions [5]."""
     heights_m: tuple[Array, ...]
-    """[H, W] each, levelled and without holes: before the first and after each action."""
+    """[H, W] each, levelled and without holes: before the first and after each action; once resumed from a checkpoint,
+    before the first, after the last then, and after each since."""
     values: tuple[float, ...]
     """The objective of each height map."""
     expected_m: tuple[Array, ...]
-    """[H, W] each: the heights after each action as predicted by the plan that contained it."""
+    """[H, W] each: the heights after each action since the last resumption, as predicted by the plan that contained it.
+    """
     remaining: FloatArray
     """[K, 5]: planned actions to execute."""
     predicted_m: Array
@@ -110,6 +113,8 @@ class Sculptor:
     goal_m: Array
     """[H, W]"""
     members: Sequence[PushModel]
+    grid: tuple[int, int]
+    """[h, w] of the members' height maps. Scans may be finer or coarser."""
     config: SculptorConfig
     execution: Execution
     count: int
@@ -127,10 +132,7 @@ class Sculptor:
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
-        first = plan(
-            height, self.foresight.remembering(self._memory(())), self._reach, config=self.config, count=self.count,
-            item=(self.item, 0),
-        )  # fmt: skip
+        first = self._plan(height, ())
         progress = SculptureProgress(
             scan=scan, actions=(), heights_m=(height,), values=(float(self.foresight.objective.values(height)),),
             expected_m=(), remaining=first.actions, predicted_m=first.predicted_m[1:],
@@ -228,14 +230,17 @@ class Sculptor:
         return "all actions were made" if len(progress.actions) >= self.count else None
 
     def _with_new_plan(self, progress: SculptureProgress) -> SculptureProgress:
-        executed = len(progress.actions)
-        foresight = self.foresight.remembering(self._memory(progress.actions))
-        new = plan(
-            progress.heights_m[-1], foresight, self._reach, config=self.config, count=self.count - executed,
-            item=(self.item, executed), begun=progress.remaining if executed else None,
-        )  # fmt: skip
+        begun = progress.remaining if progress.actions else None
+        new = self._plan(progress.heights_m[-1], progress.actions, begun)
         due = min(self.execution.replan_every, len(new.actions))
         return replace(progress, remaining=new.actions, predicted_m=new.predicted_m[1:], due=due)
+
+    def _plan(self, height_m: Array, executed: tuple[FloatArray, ...], begun: FloatArray | None = None) -> PushPlan:
+        """For clay [H, W] after these actions; ``begun`` is the rest of an earlier plan."""
+        return plan_for_scan(
+            height_m, self.foresight.remembering(self._memory(executed)), self._reach, grid=self.grid,
+            config=self.config, count=self.count - len(executed), item=(self.item, len(executed)), begun=begun,
+        )  # fmt: skip
 
 
 def sculpt(
@@ -245,6 +250,7 @@ def sculpt(
     *,
     goal_m: Array,
     members: Sequence[PushModel],
+    grid: tuple[int, int],
     config: SculptorConfig,
     execution: Execution,
     count: int,
@@ -260,14 +266,16 @@ def sculpt(
 
     Args:
         robot: guarded.
+        grid: [h, w] of the members' height maps; the goal and the scans may be finer or coarser.
         item: the goal's number in the session; the rows' order begins at ``1000 · item``.
         log: called as ``log("value", objective, actions executed)``.
         earlier: pushes [5] of earlier goals, since the material was smoothed.
     """
     rows: list[dict[str, Any]] = []
     sculptor = Sculptor(
-        robot=robot, end_effector=end_effector, material=material, goal_m=goal_m, members=members, config=config,
-        execution=execution, count=count, session=session, item=item, record=rows.append, earlier=earlier,
+        robot=robot, end_effector=end_effector, material=material, goal_m=goal_m, members=members, grid=grid,
+        config=config, execution=execution, count=count, session=session, item=item, record=rows.append,
+        earlier=earlier,
     )  # fmt: skip
     begun, first = sculptor.begin()
     log("value", begun.values[0], 0)

@@ -154,6 +154,27 @@ class ClayObjective:
             total = total + self.weights.visual * self.visual_error(height_m)
         return total
 
+    def values_from(self, before_m: Array, after_m: Array) -> FloatArray:
+        """The objective [K] of maps [K, H, W] that differ from one map [H, W] only around a push.
+
+        Only the window in which they differ is evaluated.
+        """
+        values = np.full(len(after_m), float(self.values(before_m)))
+        for number, window in enumerate(changed_windows(after_m - before_m)):
+            if window is not None:
+                wide = tuple(slice(max(part.start - 2, 0), part.stop + 2) for part in window)  # slopes reach a pixel on
+                values[number] += self._sum(after_m[number][wide], wide) - self._sum(before_m[wide], wide)
+        return values
+
+    def _sum(self, height_m: Array, window: tuple[slice, ...]) -> float:
+        """Contribution of a window of the map, heights [h, w], to the objective."""
+        (rows, columns), difference = self.goal_m.shape, height_m - self.goal_m[window]
+        right, up = _slopes(difference, self.pixels_per_m)
+        height = self.weights.error_3d * _MM**2 * np.square(difference).sum(dtype=np.float64) / (rows * columns)
+        of_right = np.square(right).sum(dtype=np.float64) / (rows * (columns - 2))
+        of_up = np.square(up).sum(dtype=np.float64) / ((rows - 2) * columns)
+        return float(height + self.weights.visual * (of_right + of_up))
+
     def __call__(self, height_m: Array) -> tuple[float, Array]:
         """The objective of one map [H, W], and its gradient [H, W] with respect to the heights, per metre."""
         difference = height_m - self.goal_m
@@ -161,6 +182,15 @@ class ClayObjective:
         right, up = _slopes(difference, self.pixels_per_m)
         gradient += self.weights.visual * _slopes_back(right, up, difference.shape, self.pixels_per_m)
         return float(self.values(height_m)), gradient.astype(height_m.dtype)
+
+
+def changed_windows(change: Array) -> list[tuple[slice, slice] | None]:
+    """Of each map [K, H, W], the smallest window (rows, columns) outside of which it is 0; None where all of it is."""
+    windows: list[tuple[slice, slice] | None] = []
+    for there in change != 0:
+        rows, columns = np.flatnonzero(there.any(axis=1)), np.flatnonzero(there.any(axis=0))
+        windows.append((slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if len(rows) else None)
+    return windows
 
 
 def _slopes(height_m: Array, pixels_per_m: float) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from pentimento.dynamics.pushes.push_model import PushModel
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
 
 CONFIG = TrainingConfig(
+    pixels_per_m=640,
     side_px=40, behind_m=0.03, channels=8, members=2, epochs=10, batch=8, learning_rate=4e-3, visual_weight=1.0,
     held_out=0.25, seed=0,
 )  # fmt: skip

@@ -32,8 +32,10 @@ _TOOL_RATE = 0.05
 class TrainingConfig:
     """Hyper-parameters of param2deform."""
 
+    pixels_per_m: float
+    """Finer scans are averaged down, by a whole factor, to about this."""
     side_px: int
-    """Side of the constant pose's square, at the scan's pixel size."""
+    """Side of the constant pose's square, in these pixels."""
     behind_m: float
     """Extent of the square behind the start of a push; a pinch is at its centre."""
     channels: int
@@ -52,7 +54,7 @@ class TrainingConfig:
         at_least(self, 1, "channels", "members", "epochs", "batch")
         at_least(self, 8, "side_px")
         at_least(self, 0, "seed", "visual_weight")
-        above_zero(self, "behind_m", "learning_rate", "held_out")
+        above_zero(self, "pixels_per_m", "behind_m", "learning_rate", "held_out")
         if self.held_out >= 1:
             raise ValueError(f"held_out is {self.held_out}; below 1, some actions are left to train on.")
 

@@ -99,7 +99,7 @@ class EnsembleRollout:
         after = np.stack(
             [m.after(state, actions, self.memory) for m, state in zip(self.members, states_m, strict=True)]
         )
-        values = self.objective.values(after.mean(axis=0))
+        values = self.objective.values_from(states_m.mean(axis=0), after.mean(axis=0))
         if len(self.members) > 1 and self.disagreement_weight > 0:
             values = values + self._variance_cost * np.var(after, axis=0).mean(axis=(-2, -1), dtype=np.float64)
         return values
