@@ -98,6 +98,9 @@ class ClayCommission:
     actions: int
     """Maximum number."""
     seed: int
+    raised_m: float = 0.0
+    """Height of the goal's highest point above the clay's mean height; above 0 the goal stands on the surface and `depth_m`
+    does not count."""
 
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:

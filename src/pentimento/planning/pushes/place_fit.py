@@ -38,7 +38,7 @@ def fit_places(table: pa.Table) -> PlaceModel:
     if rows.num_rows < MIN_PLACES:
         raise ContractError(
             f"The table holds {rows.num_rows} placed pellets and a place model needs {MIN_PLACES}; collect more "
-            "(params.yaml: collect_pushes.places)."
+            "(params.yaml: collect_pushes.pellets)."
         )
     feeders = sorted(set(rows["tool"].to_pylist()))
     if len(feeders) > 1:

@@ -158,6 +158,6 @@ def read_place_model(path: Path) -> PlaceModel:
     except OSError as error:
         raise ContractError(
             f"{path} cannot be read ({error.strerror}); train_push_dynamics writes it of pushes with placed pellets "
-            "(params.yaml: collect_pushes.places)."
+            "(params.yaml: collect_pushes.pellets)."
         ) from error
     return place_model_from(content, str(path))
