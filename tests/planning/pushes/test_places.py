@@ -82,14 +82,14 @@ def rows(model: PlaceModel, count: int, noise_m: float = 0.0) -> list[dict[str, 
         after = 0.04 + model.change(place[None], SHAPE, WINDOW_M)[0] + noise_m * rng.normal(size=SHAPE)
         after[:4, :4] = np.nan
         images = {
-            name: {"bytes": encode_height_png(height, 1e-7), "path": None}
+            name: {"bytes": encode_height_png(height, 1e-6), "path": None}
             for name, height in (("before", before), ("after", after))
         }
         made.append(
             {
                 "kind": "place", "tool": "pellets", "order": number, "window_m": list(WINDOW_M),
                 "action": [*place[:2].tolist(), 0.0, 0.0, 0.0], "volume_m3": float(place[2]),
-                "height_per_unit_m": 1e-7, **images,
+                "height_per_unit_m": 1e-6, **images,
             }
         )  # fmt: skip
     return made
