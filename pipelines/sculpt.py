@@ -60,8 +60,8 @@ class Wanted:
     up: Up | None = None
     """Of a mesh: its axis that points up. Null is z, but an OBJ needs it."""
     raised_m: float = 0.0
-    """Height of its highest point above the clay's mean height; above 0 it stands on the surface, which needs a feeder, and
-    `depth_m` does not count."""
+    """Height of its highest point above the clay's mean height. Above 0 it stands on the surface, which needs a feeder,
+    and `depth_m` does not count."""
 
 
 @dataclass(frozen=True)
@@ -173,16 +173,14 @@ def _placer(setting: Setting, model: Path) -> Placer | None:
     if setting.sculpting.feeder is None:
         if any(wanted.raised_m > 0 for wanted in setting.goals):
             raise ConfigError(
-                "A goal of params.yaml: sculpt.settings has raised_m above 0, and pushes only lower the material: name a "
-                "feeder in its sculpting settings, or set raised_m to 0."
+                "A goal of params.yaml: sculpt.settings has raised_m above 0, and pushes only lower the material: name "
+                "a feeder in its sculpting settings, or set raised_m to 0."
             )
         return None
     return Placer(load_feeder(setting.sculpting.feeder), read_place_model(model / PLACES))
 
 
-def _robot(
-    setting: Setting, end_effector: EndEffector, placer: Placer | None, config: Sculpt
-) -> SculptingRobot:
+def _robot(setting: Setting, end_effector: EndEffector, placer: Placer | None, config: Sculpt) -> SculptingRobot:
     robot = virtual_sculpting_robot(setting.world, config.scan_pixels, config.seed)
     places = None if placer is None else place_envelope_for(placer.feeder, robot.area_m)
     return GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m), places)

@@ -209,13 +209,13 @@ def _places(said: dict[str, Any]) -> str:
     return f"""
 ## Goals above the surface: placed pellets, in {said["material"]}
 
-Pushes only lower the {said["material"]}. A robot with a feeder also sets pellets of it, 6 to 14 mm across, and presses them
-flat; the planner takes pellets or pushes, whichever is expected to lower the objective further. The model of a pellet was
-fitted to {said["pellets"]} pellets: {percent(said["model"]["kept"])} of their volume stays, and
-{percent(said["model"]["unexplained"])} of the energy of their footprints is unexplained. At most {said["actions"]} actions
-a goal, {1e3 * said["raised_m"]:g} mm above the mean height or {1e3 * said["sunken_m"]:g} mm below it; scans of
-{said["pixels"]} × {said["pixels"]} pixels; seeds {seeds}. The share of the error that was removed, mean over the seeds with
-its 95 % interval (Student's t); the gain is paired by seed:
+Pushes only lower the {said["material"]}. A robot with a feeder also sets pellets of it, 6 to 14 mm across, and presses
+them flat; the planner takes pellets or pushes, whichever is expected to lower the objective further. The model of a
+pellet was fitted to {said["pellets"]} pellets: {percent(said["model"]["kept"])} of their volume stays, and
+{percent(said["model"]["unexplained"])} of the energy of their footprints is unexplained. At most {said["actions"]}
+actions a goal, {1e3 * said["raised_m"]:g} mm above the mean height or {1e3 * said["sunken_m"]:g} mm below it; scans of
+{said["pixels"]} × {said["pixels"]} pixels; seeds {seeds}. The share of the error that was removed, mean over the seeds
+with its 95 % interval (Student's t); the gain is paired by seed:
 
 | goal | height, pushes alone | height, with pellets | gain | slope, pushes alone | slope, with pellets | pellets |
 |---|---|---|---|---|---|---|
@@ -227,15 +227,17 @@ Before, goal, pushes alone, with pellets (the first seed; one row a goal):
 
 Pellets do not help everywhere:
 
-- Below the surface there is nothing to add: no pellet is proposed, and the pushes are those of a robot without a feeder.
-- A wall thinner than the smallest pressed pellet (about its diameter) cannot be built; a pellet spills over both of its sides.
-- A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. The height comes right
-  before the slopes do.
-- Less than half the height of the smallest pellet is not worth one: it would overshoot.
-- The model adds the same footprint on every surface. Over slopes, beside steep walls and on other pellets the pad spreads the
-  material otherwise; the scan after each action shows it, and the next plan starts from that.
-- A push that follows knows the pellet's shape but not that its material is fresh. Pellets and pushes are not planned together
-  in one batch, so that a pellet which helps only after a push has flattened it is not found.
+- Below the surface there is nothing to add: no pellet is proposed, and the pushes are those of a robot without a
+  feeder.
+- A wall thinner than the smallest pressed pellet (about its diameter) cannot be built: a pellet spills over both of its
+  sides.
+- A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. The height comes
+  right before the slopes do.
+- Where less than half the height of the smallest pellet is lacking, none is set: it would overshoot.
+- The model adds the same footprint on every surface. Over slopes, beside steep walls and on other pellets the pad
+  spreads the material otherwise; the scan after each action shows it, and the next plan starts from that.
+- A push after a pellet knows its shape, but not that its material is fresh. Pellets and pushes are not planned together
+  in one batch: a pellet that helps only after a push has flattened it is not found.
 """
 
 

@@ -1,4 +1,4 @@
-"""Goals above the surface, by pushes alone and with pellets that are placed; and goals below it, where pellets are no use.
+"""Goals above the surface, by pushes alone and with placed pellets; and a goal below it, where pellets are no use.
 
 `python -m studies.sculpting.places --material foam --models DIR --out DIR/places_foam.json [--seeds 1 2 3 4 5]`
 

@@ -203,7 +203,11 @@ def _sculpt(arguments: argparse.Namespace) -> None:
     commission = read_clay_commission(folder) if arguments.resume is not None else None
     if commission is None:
         commission = clay_commission_of(
-            arguments.bundle, arguments.material, _clay_goal(arguments), actions=arguments.pushes, seed=arguments.seed,
+            arguments.bundle,
+            arguments.material,
+            _clay_goal(arguments),
+            actions=arguments.pushes,
+            seed=arguments.seed,
             raised_m=0.0 if arguments.raised is None else arguments.raised,
         )
     control, progress = Control(), Progress()

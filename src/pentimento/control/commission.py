@@ -99,8 +99,8 @@ class ClayCommission:
     """Maximum number."""
     seed: int
     raised_m: float = 0.0
-    """Height of the goal's highest point above the clay's mean height; above 0 the goal stands on the surface and `depth_m`
-    does not count."""
+    """Height of the goal's highest point above the clay's mean height. Above 0 the goal stands on the surface, and
+    `depth_m` does not count."""
 
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:

@@ -72,11 +72,11 @@ class PlaceEnvelope:
         if not (inside_x and inside_y):
             hint = " Lengths are in metres; these look like millimetres." if max(place.x_m, place.y_m) > 1 else ""
             raise EnvelopeViolation(
-                f"A pellet of {2e3 * radius_m:.3g} mm at ({place.x_m:.6g}, {place.y_m:.6g}) m is off the slab; the place "
-                f"envelope allows x from {self.x_min_m:g} to {self.x_max_m:g} m and y from {self.y_min_m:g} to "
+                f"A pellet of {2e3 * radius_m:.3g} mm at ({place.x_m:.6g}, {place.y_m:.6g}) m is off the slab; the "
+                f"place envelope allows x from {self.x_min_m:g} to {self.x_max_m:g} m and y from {self.y_min_m:g} to "
                 f"{self.y_max_m:g} m for all of it.{hint} The command was refused."
             )
-        if not 0 < place.surface_m or place.press_m < 0:
+        if place.surface_m <= 0 or place.press_m < 0:
             raise EnvelopeViolation(
                 f"The pellet is commanded on a surface {place.surface_m:.6g} m above the table, pressed to "
                 f"{place.press_m:.6g} m; the first is above 0, the second 0 or more. The command was refused."

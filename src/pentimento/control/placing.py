@@ -79,6 +79,5 @@ def as_columns(actions: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
 def from_columns(rows: FloatArray, volumes_m3: FloatArray) -> tuple[FloatArray, ...]:
     """The inverse of ``as_columns``."""
     return tuple(
-        row if np.isnan(volume) else np.array([*row[:2], volume])
-        for row, volume in zip(rows, volumes_m3, strict=True)
+        row if np.isnan(volume) else np.array([*row[:2], volume]) for row, volume in zip(rows, volumes_m3, strict=True)
     )

@@ -82,8 +82,8 @@ def clay_commission_of(
     settings = opened.manifest.sculpting[_clay_of(opened, material)]
     if raised_m > 0 and settings.feeder is None:
         raise ConfigError(
-            f"Pushes only lower the {material}, and the bundle has no feeder for it that could place material: leave out "
-            "--raised, or deploy with a feeder (params.yaml: sculpting)."
+            f"Pushes only lower the {material}, and the bundle has no feeder for it that could place material: leave "
+            "out --raised, or deploy with a feeder (params.yaml: sculpting)."
         )
     _relief(goal, (32, 32), settings.side_share, 0.0, tell=lambda _: None)  # so that an error leaves no folder behind
     return ClayCommission(
@@ -164,7 +164,9 @@ def _sculpt(
         return state, "stop" if order is not None and order.command == "stop" else None
 
     def show(state: SculptureProgress) -> None:
-        progress.step("action" if sculptor.placer else "push", len(state.actions), sculptor.count, f"error {state.values[-1]:.4f}")
+        progress.step(
+            "action" if sculptor.placer else "push", len(state.actions), sculptor.count, f"error {state.values[-1]:.4f}"
+        )
 
     state = sculptor.begin()[0] if saved is None else saved.progress
     if state.pending:
@@ -209,9 +211,7 @@ def _goal(
     relief = _relief(commission.goal, shape, settings.side_share, blur_px, tell=tell)
     if commission.raised_m > 0:
         up = -relief if commission.goal.kind == "letter" else relief  # letters are sunken
-        return raised_goal(
-            up, height_m, raised_m=commission.raised_m, border_share=settings.fit.border_share
-        ).height_m
+        return raised_goal(up, height_m, raised_m=commission.raised_m, border_share=settings.fit.border_share).height_m
     depth_m = min(commission.depth_m, mean_m - MIN_CLEARANCE_M)
     if depth_m <= 0:
         raise GoalError(f"The clay is {1e3 * mean_m:.1f} mm high, too thin to sculpt; put more of it on the table.")

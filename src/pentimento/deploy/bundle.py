@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -307,8 +307,8 @@ def _clays(models: Models, config: DeployConfig) -> tuple[dict[str, ClayFacts], 
         places = _places_file(material) if material in models.places else None
         if clay.sculpting.feeder is not None and places is None:
             raise ConfigError(
-                f"{material} is sculpted with the feeder {clay.sculpting.feeder} and has no place model: collect pellets "
-                "of it (params.yaml: collect_pushes.pellets), or set the feeder to null."
+                f"{material} is sculpted with the feeder {clay.sculpting.feeder} and has no place model: collect "
+                "pellets of it (params.yaml: collect_pushes.pellets), or set the feeder to null."
             )
         facts[name] = replace(clay_facts(members, model.facts, clay.shape, correction), places=places)
         for number, member in enumerate(members):

@@ -128,9 +128,7 @@ class VirtualSculptingRobot:
         return self._studio.push(push.action, push.surface_m, push.speed_m_s, push.dwell_s, push.retract_speed_m_s)
 
     def place(self, place: Place) -> None:
-        self._studio.place(
-            place.x_m, place.y_m, place.volume_m3, surface_m=place.surface_m, press_m=place.press_m
-        )
+        self._studio.place(place.x_m, place.y_m, place.volume_m3, surface_m=place.surface_m, press_m=place.press_m)
 
     def scan(self) -> Scan:
         return self._studio.scan()

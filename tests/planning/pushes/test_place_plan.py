@@ -78,9 +78,7 @@ def test_gradients_are_those_of_finite_differences() -> None:
 
 
 def test_refined_pellets_are_better_than_the_chosen_ones() -> None:
-    chosen = plan_places(
-        flat(), foresight(raised()), REACH, config=replace(CONFIG, refine="none"), count=4, item=(0,)
-    )
+    chosen = plan_places(flat(), foresight(raised()), REACH, config=replace(CONFIG, refine="none"), count=4, item=(0,))
     refined = plan_places(flat(), foresight(raised()), REACH, config=CONFIG, count=4, item=(0,))
     assert refined.values[-1] < chosen.values[-1]
 

@@ -37,7 +37,7 @@ def test_footprint_is_round_and_moves_with_its_place() -> None:
     added = MODEL.change(middle, SHAPE, WINDOW_M)[0]
     np.testing.assert_allclose(added, np.rot90(added), atol=1e-15)
     np.testing.assert_allclose(added, added.T, atol=1e-15)
-    moved = MODEL.change(middle + [[10 * PIXEL_M, 0.0, 0.0]], SHAPE, WINDOW_M)[0]
+    moved = MODEL.change(middle + np.array([10 * PIXEL_M, 0.0, 0.0]), SHAPE, WINDOW_M)[0]
     np.testing.assert_allclose(moved[:, 10:], added[:, :-10], atol=1e-12)
 
 

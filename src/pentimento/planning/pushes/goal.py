@@ -118,7 +118,9 @@ def raised_goal(relief: FloatArray, height_m: Array, *, raised_m: float, border_
     inside = ~border_mask(height_m.shape, border_share)
     low, extent = float(relief[inside].min()), float(np.ptp(relief[inside]))
     if not (raised_m > 0 and extent > 0):
-        raise GoalError(f"A goal above the surface needs a height above 0 (here {raised_m:g} m) and a relief with shape.")
+        raise GoalError(
+            f"A goal above the surface needs a height above 0 (here {raised_m:g} m) and a relief with shape."
+        )
     beta_m = float(height_m[inside].mean(dtype=np.float64)) - raised_m / extent * low
     goal = np.array(height_m, dtype=np.float64)
     goal[inside] = raised_m / extent * relief[inside] + beta_m

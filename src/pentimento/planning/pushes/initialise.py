@@ -96,7 +96,9 @@ def _varied(parents: FloatArray, count: int, share: float, reach: Reach, rng: np
     return reach.keep_within(chosen + share * spread * rng.normal(size=(count, 5)))
 
 
-def stratified_pixels(wanted: FloatArray, count: int, rng: np.random.Generator) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def stratified_pixels(
+    wanted: FloatArray, count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns in proportion to ``wanted``, by stratified sampling."""
     total = np.cumsum(wanted.ravel())
     drawn = (np.arange(count) + rng.random(count)) / count * total[-1]

@@ -47,8 +47,8 @@ def fit_places(table: pa.Table) -> PlaceModel:
     low, high = min(volumes), max(volumes)
     if high < 1.5 * low:
         raise ContractError(
-            f"The pellets' volumes, {low:.3g} to {high:.3g} m³, hardly differ, so that the growth of their footprint is "
-            "unknown; vary the diameter."
+            f"The pellets' volumes, {low:.3g} to {high:.3g} m³, hardly differ, so that the growth of their footprint "
+            "is unknown; vary the diameter."
         )
     each = np.repeat(volumes, [len(values) for values in distances])
     distance, change = np.concatenate(distances), np.concatenate(changes)

@@ -1,8 +1,8 @@
 """Plans of placed pellets: chosen greedily where the goal lies above the clay, then improved together.
 
-The value of a plan is its expected objective: that of the predicted clay, plus the squared error that the place model is
-known to leave of its pellets (``PlaceModel.unexplained``), with the weight of the 3D error. It compares with the value
-of a plan of pushes, which has the ensemble's variance in the same place (``rollout.EnsembleRollout``).
+The value of a plan is its expected objective: that of the predicted clay, plus the squared error that the place model
+is known to leave of its pellets (``PlaceModel.unexplained``), with the weight of the 3D error. It compares with the
+value of a plan of pushes, which has the ensemble's variance there (``rollout.EnsembleRollout``).
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ FloatArray = NDArray[np.float64]
 
 _MM = 1e3
 _SHORTFALL = 0.5
-"""Share of the smallest pellet's peak by which the goal must lie above the clay: below it, the pellet would overshoot by
-more than it supplies."""
+"""Share of the smallest pellet's peak by which the goal must lie above the clay: below it, the pellet would overshoot
+by more than it supplies."""
 _PEAKS = 0.3
 """Standard deviation of the logarithm of a candidate's peak, relative to the height that is lacking."""
 _VOLUME_STEP = 0.1

@@ -5,8 +5,8 @@ A pellet of volume V at (x_0, y_0) adds, at the distance r from there,
     f(r) = A exp(−(r / w)^p),   w = w_ref (V / V_ref)^a,   A = κ V / (2 π w² Γ(2/p) / p),
 
 so that ∫ f = κ V: the volume is conserved up to the compaction 1 − κ. The surface below the pellet does not matter to
-the model. ``unexplained`` is the share of the footprints' energy ∫ f² that it did not predict of the pellets that it was
-fitted to: errors of place and volume, ovals, neighbours that the pad met.
+the model. ``unexplained`` is the share of the footprints' energy ∫ f² that it did not predict of the pellets that it
+was fitted to: errors of place and volume, ovals, neighbours that the pad met.
 
 A place is x_m, y_m, volume_m3, float64 [3], canvas frame.
 """

@@ -21,8 +21,8 @@ class PushPlan:
     """Actions and their predicted effect."""
 
     actions: FloatArray
-    """[N, 5] pushes, or [N, 3] placed pellets (``place_plan``), in the order of execution. N is 0 where no action lowers
-    the value."""
+    """[N, 5] pushes, or [N, 3] placed pellets (``place_plan``), in the order of execution. N is 0 where no action
+    lowers the value."""
     predicted_m: Array
     """[N + 1, H, W]: mean over the members of the clay before the first and after each action, metres."""
     values: FloatArray

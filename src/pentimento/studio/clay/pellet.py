@@ -1,7 +1,7 @@
 """A pellet of material as it is laid on the slab, before the pad presses it: an oval lump with a round profile.
 
-The lump is a ball that is stretched to an oval. A height field has no undersides, so that each column holds the chord of
-the ball above it.
+The lump is a ball that is stretched to an oval. A height field has no undersides, so that each column holds the chord
+of the ball above it.
 """
 
 import math
@@ -20,7 +20,7 @@ def lump_m(
 ) -> Array:
     """Thickness float64[H,W] of the lump around `middle` (column, row), which holds exactly `volume_m3`.
 
-    Its two widths are the ball's times and over `ratio`, the first in the direction `turn_rad`. The tray's walls hold it.
+    Its widths are the ball's times and over `ratio`, the first in the direction `turn_rad`. The tray's walls hold it.
     """
     radius_m = (3.0 * volume_m3 / (4.0 * math.pi)) ** (1.0 / 3.0)
     offsets = (np.arange(FINER) + 0.5) / FINER - 0.5

@@ -317,6 +317,6 @@ def _check_place(numbers: tuple[float, ...], size_m: tuple[float, float]) -> Non
     fine = all(math.isfinite(number) for number in numbers) and volume_m3 > 0 and surface_m > 0 and press_m >= 0
     if not fine or not (0 <= x_m <= size_m[0] and 0 <= y_m <= size_m[1]):
         raise ContractError(
-            f"A pellet needs a place x, y in the tray of {size_m} m, a volume and a surface above 0 and a height from 0 "
-            f"to press it to; got {numbers}."
+            f"A pellet needs a place x, y in the tray of {size_m} m, a volume and a surface above 0 and a height from "
+            f"0 to press it to; got {numbers}."
         )
