@@ -229,8 +229,7 @@ Pellets do not help everywhere:
 
 - Below the surface there is nothing to add: no pellet is proposed, and the pushes are those of a robot without a
   feeder.
-- A wall thinner than the smallest pressed pellet (about its diameter) cannot be built: a pellet spills over both of its
-  sides.
+- A wall thinner than the smallest pellet, 6 mm, comes out as wide as the pellet, or is not begun.
 - A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. The height comes
   right before the slopes do.
 - Where less than half the height of the smallest pellet is lacking, none is set: it would overshoot.

@@ -43,16 +43,18 @@ TOOL, FEEDER = "ball", "pellets"
 PIXELS = 64
 PUSHES, PELLETS = 120, 24
 """That the models are fitted to."""
-ACTIONS = 36
+ACTIONS = 24
+SIDE_SHARE = 0.4
 RAISED_M, SUNKEN_M = 0.004, 0.0035
 GOALS = {
     "a raised letter": ("letter:L", True),
     "a dome": ("shape:dome", True),
-    "a wall of 4 mm": ("wall", True),
+    "a wall of 6 mm": ("wall", True),
     "a sunken letter": ("letter:L", False),
 }
 """By name, the source and whether it stands above the surface."""
-WALL_M = 0.004
+WALL_PX = 2
+"""Its width: 6.25 mm."""
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -63,41 +65,40 @@ def main(arguments: argparse.Namespace) -> None:
     window_m = np.array([0.0, 0.0, 0.2, 0.2])
     members = model_of(arguments.material, TOOL, given, arguments.models, window_m)
     placer = _placer(arguments.material, feeder, end_effector)
-    results: dict[str, Any] = {}
-    shown = []
-    for name, (source, raised) in GOALS.items():
-        runs = []
-        for seed in arguments.seeds:
+    said: dict[str, Any] = {
+        "material": arguments.material, "actions": ACTIONS, "pixels": PIXELS, "pellets": PELLETS, "raised_m": RAISED_M,
+        "sunken_m": SUNKEN_M, "model": {name: getattr(placer.model, name) for name in ("kept", "unexplained")},
+        "goals": {name: {"raised": raised, "runs": []} for name, (_, raised) in GOALS.items()},
+    }  # fmt: skip
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    for seed in arguments.seeds:
+        shown = []
+        for name, (source, raised) in GOALS.items():
             made = {}
             for arm, tools in (("push", None), ("place and push", placer)):
                 robot = _robot(arguments.material, end_effector, feeder, seed)
                 goal = _goal(source, raised, seen_m(robot.scan())[0], given)
                 made[arm] = _sculpted(robot, end_effector, arguments.material, goal, members, given=given, placer=tools)
-            runs.append({"seed": seed} | {arm: _errors(each, goal, window_m, given) for arm, each in made.items()})
-            print(name, runs[-1], flush=True)
-            if seed == arguments.seeds[0]:
-                maps = (made["push"].heights_m[0], goal, *(each.heights_m[-1] for each in made.values()))
-                shown.append(np.hstack([photograph(each, window_m, 4) for each in maps]))
-        results[name] = {"raised": raised, "runs": runs}
-    said = {
-        "material": arguments.material, "actions": ACTIONS, "pixels": PIXELS, "pellets": PELLETS, "raised_m": RAISED_M,
-        "sunken_m": SUNKEN_M, "model": {name: getattr(placer.model, name) for name in ("kept", "unexplained")},
-        "goals": results,
-    }  # fmt: skip
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    write_png(arguments.out.with_suffix(".png"), np.vstack(shown))
-    atomic_write(arguments.out, (json.dumps(said, indent=1) + "\n").encode())
+            run = {"seed": seed} | {arm: _errors(each, goal, window_m, given) for arm, each in made.items()}
+            said["goals"][name]["runs"].append(run)
+            print(name, run, flush=True)
+            maps = (made["push"].heights_m[0], goal, *(each.heights_m[-1] for each in made.values()))
+            shown.append(np.hstack([photograph(each, window_m, 4) for each in maps]))
+        if seed == arguments.seeds[0]:
+            write_png(arguments.out.with_suffix(".png"), np.vstack(shown))
+        # After each seed, so that a long run can be looked at.
+        atomic_write(arguments.out, (json.dumps(said, indent=1) + "\n").encode())
 
 
 def coarse(given: Settings) -> Settings:
     """The settings with coarser scans and fewer pushes and candidates."""
     side_px = given.training.side_px * PIXELS // given.collection.scan_pixels
-    planner = replace(given.sculpting.planner, candidates=20)
+    planner = replace(given.sculpting.planner, candidates=16, horizon=4, iterations=2)
     return replace(
         given,
         collection=replace(given.collection, scan_pixels=PIXELS, pushes=PUSHES, repeated=0),
         training=replace(given.training, side_px=side_px),
-        sculpting=replace(given.sculpting, planner=planner),
+        sculpting=replace(given.sculpting, planner=planner, side_share=SIDE_SHARE),
     )
 
 
@@ -118,8 +119,8 @@ def _goal(source: str, raised: bool, height: Array, given: Settings) -> Array:
     shape = (height.shape[0], height.shape[1])
     if source == "wall":
         relief = np.zeros(shape)
-        middle, half = shape[1] / 2, 0.5 * WALL_M * shape[1] / 0.2
-        relief[shape[0] // 4 : -shape[0] // 4, round(middle - half) : round(middle + half)] = 1.0
+        left = (shape[1] - WALL_PX) // 2
+        relief[shape[0] // 4 : -shape[0] // 4, left : left + WALL_PX] = 1.0
         return raised_goal(relief, height, raised_m=RAISED_M, border_share=sculpting.fit.border_share).height_m
     soften_px = sculpting.edge_blur_m * shape[1] / 0.2
     relief = relief_of(source, shape, sculpting.side_share, soften_px=soften_px)
