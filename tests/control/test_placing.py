@@ -53,7 +53,7 @@ def sculpted(goal_m: np.ndarray, placer: Placer | None = PLACER) -> Sculpture:
 
 
 def mixed_goal() -> np.ndarray:
-    """Two pellets, and a groove elsewhere."""
+    """Two pellets, and a groove beside them."""
     push = np.array([0.025, 0.075, 0.0, 0.02, 0.006])
     return PressedClay(kept=0.0).after(raised(), push[None])[0]
 
