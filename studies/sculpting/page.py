@@ -227,11 +227,11 @@ Before, goal, pushes alone, with pellets (the first seed; one row a goal):
 
 Pellets do not help everywhere:
 
-- Below the surface there is nothing to add: no pellet is proposed, and the pushes are those of a robot without a
-  feeder.
+- Below the surface a pellet can only fill what a push has made too deep. The sunken letter tells whether that gains
+  anything, or costs something.
 - A wall thinner than the smallest pellet, 6 mm, comes out as wide as the pellet, or is not begun.
-- A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. The height comes
-  right before the slopes do.
+- A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. On a smooth goal, as
+  the dome, the height comes right and the slopes become worse than those of the untouched surface.
 - Where less than half the height of the smallest pellet is lacking, none is set: it would overshoot.
 - The model adds the same footprint on every surface. Over slopes, beside steep walls and on other pellets the pad
   spreads the material otherwise; the scan after each action shows it, and the next plan starts from that.
