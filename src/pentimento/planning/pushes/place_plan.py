@@ -7,7 +7,9 @@ value of a plan of pushes, which has the ensemble's variance there (``rollout.En
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -175,7 +177,8 @@ def place_candidates(
     """
     objective, model = foresight.objective, foresight.model
     scale_px = max(0.5 * model.radius_m(reach.volume_m3[0]) * objective.pixels_per_m, 0.6)
-    lacking = cv2.GaussianBlur((objective.goal_m - height_m).astype(np.float64), (0, 0), scale_px)
+    above = (objective.goal_m - height_m).astype(np.float64)
+    lacking = np.asarray(cv2.GaussianBlur(above, (0, 0), scale_px), dtype=np.float64)
     lacking[lacking < _SHORTFALL * model.peak_m(reach.volume_m3[0])] = 0.0
     if count == 0 or not lacking.any():
         return np.zeros((0, 3))
@@ -184,7 +187,8 @@ def place_candidates(
     places[:, :2] = pixel_to_canvas(np.stack([columns, rows], axis=1), foresight.window_m, objective.pixels_per_m)
     places[:, :2] += rng.uniform(-0.5, 0.5, (count, 2)) / objective.pixels_per_m
     fitting = model.volume_of_peak(lacking[rows, columns] * np.exp(rng.normal(0.0, _PEAKS, count)))
-    anything = np.exp(rng.uniform(*np.log(reach.volume_m3), count))
+    low, high = (math.log(volume) for volume in reach.volume_m3)
+    anything = np.exp(rng.uniform(low, high, count))
     places[:, VOLUME] = np.where(rng.random(count) < 0.5, fitting, anything)
     return reach.keep_within(places)
 
@@ -194,7 +198,7 @@ def _refined(
 ) -> FloatArray:
     """Gradient descent on all pellets [K, 3]; never worse than the given ones. Volumes move by their logarithm."""
     rate_m = config.learning_rates.place_m
-    moved = _scaled(places, rate_m)
+    moved: NDArray[Any] = _scaled(places, rate_m)
     adam = Adam([moved])
     best, minimum = places, np.inf
     iterations = _REFINING * config.iterations
