@@ -8,18 +8,34 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from pentimento.collection.places import collect_places
 from pentimento.collection.pushes import PushCollectionConfig, collect_pushes, repeat_floor_mm2, volume_figures
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT
+from pentimento.contracts.ranges import at_least
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import read_table, write_shards
+from pentimento.control.place_safety import place_envelope_for
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.dynamics.pushes.measured import load_pushes
-from pentimento.robots.tools import load_end_effector
+from pentimento.planning.pushes.place_fit import MIN_PLACES
+from pentimento.robots.tools import load_end_effector, load_feeder
 from pentimento.robots.virtual import virtual_sculpting_robot
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import Run, tracked_run
+
+
+@dataclass(frozen=True)
+class Pellets:
+    """Pellets to which the place model is fitted."""
+
+    feeder: str
+    """A name or a TOML file."""
+    count: int
+
+    def __post_init__(self) -> None:
+        at_least(self, MIN_PLACES, "count")
 
 
 @dataclass(frozen=True)
@@ -32,6 +48,8 @@ class CollectPushes:
     """By material, the studio's clay world: a name or a TOML file; others: the world of the material's name."""
     end_effector: dict[str, str]
     """For each material the end-effector that presses it: a name or a TOML file."""
+    pellets: dict[str, Pellets]
+    """By material, pellets that are placed in the studio after the pushes; others: none."""
     collection: PushCollectionConfig
 
 
@@ -49,7 +67,8 @@ def main(arguments: argparse.Namespace) -> None:
     ):
         quarantined = 0
         if source is None:
-            table = _collect(material, world, end_effector, config.collection, run)
+            pellets = config.pellets.get(material)
+            table = _collect(material, world, end_effector, config.collection, pellets, run)
             origin = f"Made by the robot with the {end_effector} in the studio, clay world `{world}`."
         else:
             checked = read_table(Path(source), CONTRACT)
@@ -66,13 +85,27 @@ def main(arguments: argparse.Namespace) -> None:
         run.log_metrics(metrics)
 
 
-def _collect(material: str, world: str, end_effector_name: str, config: PushCollectionConfig, run: Run) -> pa.Table:
+def _collect(
+    material: str,
+    world: str,
+    end_effector_name: str,
+    config: PushCollectionConfig,
+    pellets: Pellets | None,
+    run: Run,
+) -> pa.Table:
     robot = virtual_sculpting_robot(world, config.scan_pixels, config.seed)
     end_effector = load_end_effector(end_effector_name)
-    guarded = GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m))
+    feeder = None if pellets is None else load_feeder(pellets.feeder)
+    places = None if feeder is None else place_envelope_for(feeder, robot.area_m)
+    guarded = GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m), places)
     rows = collect_pushes(guarded, end_effector, material, config, run.log)
-    schema = arrow_schema(CONTRACT, include_optional=set(rows[0]))
-    for name in sorted(rows[0].keys() - set(schema.names)):
+    if feeder is not None and pellets is not None:
+        rows += collect_places(
+            guarded, feeder, material, count=pellets.count, edge_m=config.edge_m, seed=config.seed, first=len(rows)
+        )
+    names = {name for row in rows for name in row}
+    schema = arrow_schema(CONTRACT, include_optional=names)
+    for name in sorted(names - set(schema.names)):
         schema = schema.append(pa.field(name, pa.float32()))  # covariates of the room's sensors
     return pa.Table.from_pylist(rows, schema=schema)
 

@@ -13,6 +13,8 @@ from pentimento.deploy.bundle import DeployConfig, Models, check_deployed_clays,
 from pentimento.dynamics.pushes.push_model import read_push_model
 from pentimento.dynamics.strokes.extended import read_stroke_model
 from pentimento.planning.pushes.analytic.correction import FILE, read_correction
+from pentimento.planning.pushes.places import FILE as PLACES
+from pentimento.planning.pushes.places import read_place_model
 from pentimento.planning.strokes.latent import StyleDecoder, read_decoder
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
@@ -45,6 +47,11 @@ def main(arguments: argparse.Namespace) -> None:
                 material: read_correction(pushes[f"push_{material}"] / FILE)
                 for material in arguments.materials
                 if (pushes[f"push_{material}"] / FILE).is_file()
+            },
+            places={
+                material: read_place_model(pushes[f"push_{material}"] / PLACES)
+                for material in arguments.materials
+                if (pushes[f"push_{material}"] / PLACES).is_file()
             },
             hands={} if arguments.hands is None else _hands(arguments.hands),
         )

@@ -28,6 +28,7 @@ from pentimento.dynamics.pushes.evaluation import predict
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.push_model import read_push_model, write_push_model
 from pentimento.planning.pushes.analytic.correction import FILE, correction_as_json
+from pentimento.planning.pushes.places import FILE as PLACES
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, verdict_metrics, write_json
 from pipelines._tracking import tracked_run
@@ -67,7 +68,9 @@ def main(arguments: argparse.Namespace) -> None:
         fine = load_pushes(table, PIXELS_PER_M)[0]
         fitted = validate_correction(found, fine, predicted, held_out=held_out, seed=config.seed)
         write_push_model(network, out)
-        shutil.copyfile(unseen, out / unseen.name)
+        for file in (unseen, arguments.base / PLACES):
+            if file.is_file():
+                shutil.copyfile(file, out / file.name)
         if fitted.correction is not None:
             write_json(out / FILE, correction_as_json(fitted.correction))
         metrics = verdict_metrics(gap / "verdict.json", "_mm2") | _cross_fit_metrics(fitted)

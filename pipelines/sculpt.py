@@ -20,6 +20,8 @@ from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.tables import write_shards
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
+from pentimento.control.place_safety import place_envelope_for
+from pentimento.control.placing import Placer
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.control.sculptor import Sculpture, reach_for, sculpt, seen_m
@@ -29,14 +31,16 @@ from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import Up, relief_of
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.analytic.correction import corrected
-from pentimento.planning.pushes.goal import GoalFit, fit_goal
+from pentimento.planning.pushes.goal import GoalFit, fit_goal, raised_goal
 from pentimento.planning.pushes.memory import PushMemory
+from pentimento.planning.pushes.places import FILE as PLACES
+from pentimento.planning.pushes.places import read_place_model
 from pentimento.planning.pushes.plan import PushPlan
 from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.planning.pushes.scales import plan_for_scan
 from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
-from pentimento.robots.tools import EndEffector, load_end_effector
+from pentimento.robots.tools import EndEffector, load_end_effector, load_feeder
 from pentimento.robots.virtual import virtual_sculpting_robot
 from pentimento.semantics.depth import depth_relief
 from pentimento.semantics.letter_classifier import LetterClassifier, classify_sculpture
@@ -62,6 +66,9 @@ class Wanted:
     """Depth of its lowest point below the clay's mean height; a later goal must be deeper than an earlier one."""
     up: Up | None = None
     """Of a mesh: its axis that points up. Null is z, but an OBJ needs it."""
+    raised_m: float = 0.0
+    """Height of its highest point above the clay's mean height. Above 0 it stands on the surface, which needs a feeder,
+    and `depth_m` does not count."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +124,8 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         end_effector = load_end_effector(setting.end_effector)
-        robot = _robot(setting, end_effector, config)
+        placer = _placer(setting, arguments.model)
+        robot = _robot(setting, end_effector, placer, config)
         window_m = np.array([0.0, 0.0, *robot.area_m])
         model = read_push_model(arguments.model)
         if model.facts.contexts[0] != (arguments.material, end_effector.name):
@@ -146,11 +154,11 @@ def main(arguments: argparse.Namespace) -> None:
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=grid,
                 config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
-                item=number, log=run.log_under(name), earlier=executed,
+                item=number, log=run.log_under(name), earlier=executed, placer=placer,
             )  # fmt: skip
             _pictures(folder, window_m, fit, predicted, sculpture)
             rows += sculpture.rows
-            executed = (*executed, *sculpture.actions)
+            executed = (*executed, *sculpture.pushes)
             frames += [
                 _shown(each, window_m, _FRAME_PX) for each in sculpture.heights_m[:: sculpting.execution.replan_every]
             ]
@@ -169,9 +177,21 @@ def main(arguments: argparse.Namespace) -> None:
         run.log_metrics(goals)
 
 
-def _robot(setting: Setting, end_effector: EndEffector, config: Sculpt) -> SculptingRobot:
+def _placer(setting: Setting, model: Path) -> Placer | None:
+    if setting.sculpting.feeder is None:
+        if any(wanted.raised_m > 0 for wanted in setting.goals):
+            raise ConfigError(
+                "A goal of params.yaml: sculpt.settings has raised_m above 0, and pushes only lower the material: name "
+                "a feeder in its sculpting settings, or set raised_m to 0."
+            )
+        return None
+    return Placer(load_feeder(setting.sculpting.feeder), read_place_model(model / PLACES))
+
+
+def _robot(setting: Setting, end_effector: EndEffector, placer: Placer | None, config: Sculpt) -> SculptingRobot:
     robot = virtual_sculpting_robot(setting.world, config.scan_pixels, config.seed)
-    return GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m))
+    places = None if placer is None else place_envelope_for(placer.feeder, robot.area_m)
+    return GuardedSculptingRobot(robot, push_envelope_for(end_effector, robot.area_m), places)
 
 
 def _goal(wanted: Wanted, height: Array, setting: Setting, robot: SculptingRobot) -> GoalFit:
@@ -180,6 +200,9 @@ def _goal(wanted: Wanted, height: Array, setting: Setting, robot: SculptingRobot
     depth = None if setting.depth_model is None else partial(depth_relief, folder=Path(setting.depth_model))
     shape = (height.shape[0], height.shape[1])
     relief = relief_of(wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth=depth, up=wanted.up)
+    if wanted.raised_m > 0:
+        up = -relief if wanted.source.startswith("letter:") else relief  # letters are sunken
+        return raised_goal(up, height, raised_m=wanted.raised_m, border_share=sculpting.fit.border_share)
     return fit_goal(relief, height, replace(sculpting.fit, depth_m=wanted.depth_m))
 
 
@@ -223,6 +246,7 @@ def _metrics(
     metrics: dict[str, Any] = {
         "source": wanted.source,
         "actions": len(sculpture.actions),
+        "pellets": len(sculpture.actions) - len(sculpture.pushes),
         "stopped": sculpture.stopped,
         "helped": sculpture.helped,
         "holes_filled": sculpture.holes,
@@ -262,8 +286,9 @@ def _shown(height_m: Array, window_m: NDArray[np.float64], side_px: int) -> NDAr
 
 
 def _table(rows: list[dict[str, Any]]) -> pa.Table:
-    schema = arrow_schema(CONTRACT, include_optional=set(rows[0]))
-    for name in sorted(rows[0].keys() - set(schema.names)):
+    names = {name for row in rows for name in row}
+    schema = arrow_schema(CONTRACT, include_optional=names)
+    for name in sorted(names - set(schema.names)):
         schema = schema.append(pa.field(name, pa.float32()))  # covariates of the room's sensors
     return pa.Table.from_pylist(rows, schema=schema)
 

@@ -18,6 +18,9 @@ from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
 from pentimento.dynamics.pushes.pose import height_errors, in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, write_push_model
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
+from pentimento.planning.pushes.place_fit import fit_places, rows_of_places
+from pentimento.planning.pushes.places import FILE as PLACES
+from pentimento.planning.pushes.places import place_model_bytes
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
 from pipelines._tracking import tracked_run
@@ -26,7 +29,10 @@ _SHOWN = 8
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`: the model, metrics.json, curve.json, held_out_actions.json, held_out.png."""
+    """Write `--out`: the model, metrics.json, curve.json, held_out_actions.json, held_out.png.
+
+    With placed pellets in the table also places.json, the place model.
+    """
     config = load_section(Path("params.yaml"), "train_push_dynamics", TrainingConfig)
     single_threaded()
     with (
@@ -58,6 +64,10 @@ def main(arguments: argparse.Namespace) -> None:
                 "holes": repairs.holes,
             }
         }
+        if rows_of_places(checked.table).num_rows:
+            places = fit_places(checked.table)
+            (out / PLACES).write_bytes(place_model_bytes(places))
+            metrics["places"] = {name: getattr(places, name) for name in ("places", "kept", "unexplained")}
         write_push_model(model, out)
         write_json(out / "metrics.json", metrics)
         write_json(out / "curve.json", {"epoch": list(range(len(curve))), "loss": curve})

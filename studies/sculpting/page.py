@@ -1,7 +1,7 @@
 """Make docs/sculpting.md of what the experiments wrote: `python -m studies.sculpting.page --results DIR --out docs`.
 
 It takes what there is: `alphabet_<material>_<seed>/`, `reliefs*.json`, `smoothing*.json`, `losses*.json`,
-`noise*.json`.
+`noise*.json`, `places*.json`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.stats import t as student_t
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import read_image, write_png
@@ -54,6 +55,10 @@ def main(arguments: argparse.Namespace) -> None:
         parts.append(_losses(runs, pictures))
     for file in sorted(arguments.results.glob("noise*.json")):
         parts.append(_noise(_read(file), pictures))
+    for file in sorted(arguments.results.glob("places*.json")):
+        said = _read(file)
+        shutil.copy(file.with_suffix(".png"), pictures / f"places_{said['material']}.png")
+        parts.append(_places(said))
     atomic_write(arguments.out / "sculpting.md", "\n".join(parts).encode())
 
 
@@ -228,6 +233,68 @@ def _crossing(noise: list[float], shares: list[float]) -> str:
             part = (1 - shares[number - 1]) / (shares[number] - shares[number - 1])
             return f"{decimal(noise[number - 1] + part * (noise[number] - noise[number - 1]))} mm² on"
     return f"no level up to {decimal(noise[-1])} mm² on"
+
+
+def _places(said: dict[str, Any]) -> str:
+    lines = []
+    for name, found in said["goals"].items():
+        runs = found["runs"]
+        removed = {arm: [_removed(run[arm], "error_3d_mm2") for run in runs] for arm in _ARMS}
+        slopes = {arm: [_removed(run[arm], "visual_error") for run in runs] for arm in _ARMS}
+        gain = np.subtract(removed["place and push"], removed["push"]).tolist()
+        pellets = np.mean([run["place and push"]["pellets"] for run in runs])
+        lines.append(
+            f"| {name} | {' | '.join(_interval(removed[arm]) for arm in _ARMS)} | {_interval(gain)} | "
+            f"{' | '.join(_interval(slopes[arm]) for arm in _ARMS)} | {decimal(float(pellets))} |"
+        )
+    seeds = ", ".join(str(run["seed"]) for run in next(iter(said["goals"].values()))["runs"])
+    return f"""
+## Goals above the surface: placed pellets, in {said["material"]}
+
+Pushes only lower the {said["material"]}. A robot with a feeder also sets pellets of it, 6 to 14 mm across, and presses
+them flat; the planner takes pellets or pushes, whichever is expected to lower the objective further. The model of a
+pellet was fitted to {said["pellets"]} pellets: {percent(said["model"]["kept"])} of their volume stays, and
+{percent(said["model"]["unexplained"])} of the energy of their footprints is unexplained. At most {said["actions"]}
+actions a goal, {1e3 * said["raised_m"]:g} mm above the mean height or {1e3 * said["sunken_m"]:g} mm below it; scans of
+{said["pixels"]} × {said["pixels"]} pixels; seeds {seeds}. The share of the error that was removed, mean over the seeds
+with its 95 % interval (Student's t); the gain is paired by seed:
+
+| goal | height, pushes alone | height, with pellets | gain | slope, pushes alone | slope, with pellets | pellets |
+|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+
+Before, goal, pushes alone, with pellets (the first seed; one row a goal):
+
+![places]({_PICTURES}/places_{said["material"]}.png)
+
+Pellets do not help everywhere:
+
+- Below the surface a pellet can only fill what a push has made too deep. The sunken letter tells whether that gains
+  anything, or costs something.
+- A wall thinner than the smallest pellet, 6 mm, comes out as wide as the pellet, or is not begun.
+- A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. On a smooth goal, as
+  the dome, the height comes right and the slopes become worse than those of the untouched surface.
+- Where less than half the height of the smallest pellet is lacking, none is set: it would overshoot.
+- The model adds the same footprint on every surface. Over slopes, beside steep walls and on other pellets the pad
+  spreads the material otherwise; the scan after each action shows it, and the next plan starts from that.
+- A push after a pellet knows its shape, but not that its material is fresh. Pellets and pushes are not planned together
+  in one batch: a pellet that helps only after a push has flattened it is not found.
+"""
+
+
+_ARMS = ("push", "place and push")
+
+
+def _removed(errors: dict[str, Any], name: str) -> float:
+    before, after = errors[name]
+    return float(1 - after / before)
+
+
+def _interval(shares: list[float]) -> str:
+    """Mean and half-width of its 95 % interval by Student's t."""
+    count = len(shares)
+    half = float(student_t.ppf(0.975, count - 1) * np.std(shares, ddof=1) / np.sqrt(count)) if count > 1 else np.nan
+    return f"{percent(float(np.mean(shares)))} ± {percent(half)}"
 
 
 def _read(path: Path) -> dict[str, Any]:

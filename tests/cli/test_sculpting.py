@@ -29,6 +29,9 @@ from tests.control.sculpting_bundle import add_clay
         ),
         (["--material", "foam", "--letter", "A", "--goal-mesh", "a.stl"], "not allowed with"),
         (["--material", "foam", "--goal-mesh", "a.stl", "--up", "w"], "invalid choice: 'w'"),
+        (["--material", "foam", "--letter", "A", "--raised", "4"], "has no unit"),
+        (["--material", "foam", "--letter", "A", "--raised", "0 mm"], "is not above 0"),
+        (["--raised", "4 mm"], "--raised: to sculpt, give --material and a goal"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(

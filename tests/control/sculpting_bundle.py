@@ -18,6 +18,8 @@ from pentimento.contracts.codec import to_plain
 from pentimento.contracts.frames import pixel_to_canvas
 from pentimento.control.sculpting_settings import Execution, SculptingSettings
 from pentimento.planning.pushes.goal import GoalSettings
+from pentimento.planning.pushes.places import PlaceModel, place_model_bytes
+from pentimento.robots.tools import ball_m3
 from tests.bundle.tiny_bundle import add_graphs, change, numbers, relist
 from tests.planning.pushes.settings import CONFIG
 
@@ -104,6 +106,25 @@ PULL = f"""
     depth_of_5 = Reshape (to_depth, flat)
     to_action = Concat <axis = 0> (x_of_5, y_of_5, theta_of_5, length_of_5, depth_of_5)
 }}"""
+
+
+PLACES = PlaceModel("pellets", 0.7, 0.006, 0.3, 4.0, ball_m3(0.01), (ball_m3(0.006), ball_m3(0.014)), 0.05, 24)
+
+
+def add_feeder(folder: Path) -> Path:
+    """Let pellets of the bundle's foam be placed, too."""
+    (folder / "feeders").mkdir()
+    feeder = (resources.files("pentimento.robots") / "feeders" / "pellets.toml").read_bytes()
+    (folder / "feeders/pellets.toml").write_bytes(feeder)
+    (folder / "places").mkdir()
+    (folder / "places/clay_foam.json").write_bytes(place_model_bytes(PLACES))
+    change(
+        folder,
+        clays={"clay_foam": to_plain(replace(FACTS, places="places/clay_foam.json"))},
+        sculpting={"clay_foam": to_plain(replace(SETTINGS, feeder="pellets"))},
+    )
+    relist(folder)
+    return folder
 
 
 def add_clay(folder: Path) -> Path:

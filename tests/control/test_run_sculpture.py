@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pentimento.bundle.reader import BundleError, open_bundle
+from pentimento.contracts.codec import to_plain
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import encode_png, read_image
 from pentimento.contracts.pushes import CONTRACT
@@ -28,8 +31,8 @@ from pentimento.planning.pushes.analytic.model import BASE, START, AnalyticPush
 from pentimento.planning.pushes.goal import GoalError, sunken_letters
 from pentimento.planning.pushes.memory import PushMemory
 from pentimento.robots.virtual import VirtualSculptingRobot
-from tests.bundle.tiny_bundle import write_tiny_bundle
-from tests.control.sculpting_bundle import FACTS, PIXELS, SETTINGS, add_clay
+from tests.bundle.tiny_bundle import change, write_tiny_bundle
+from tests.control.sculpting_bundle import FACTS, PIXELS, SETTINGS, add_clay, add_feeder
 from tests.planning.pushes.clay import PressedClay
 
 T = ClayGoal("letter", "T")
@@ -117,6 +120,30 @@ def test_scans_may_be_finer_than_the_push_model_s_maps(bundle: Path, tmp_path: P
     np.testing.assert_array_equal(saved.heights_m, [state.progress.heights_m[0], state.progress.heights_m[-1]])
     with pytest.raises(ConfigError, match="4 pixels a side cannot be planned on"):
         clay_commission_of(bundle, "foam", T, scan_pixels=4)
+
+
+def test_raised_goal_is_built_of_pellets_and_goes_on_after_a_stop(bundle: Path, tmp_path: Path) -> None:
+    add_feeder(bundle)
+    commission = clay_commission_of(bundle, "foam", T, actions=6, seed=3, raised_m=0.004)
+    whole = sculpted(commission, tmp_path / "whole")
+    assert whole.progress.values[-1] < 0.9 * whole.progress.values[0]
+    rows = read_table(tmp_path / "whole/pushes", CONTRACT).table.to_pylist()
+    assert "place" in {row["kind"] for row in rows}
+    with pytest.raises(Ended):
+        run_sculpture(commission, tmp_path / "cut", resume=False, control=Stopping(2), progress=Progress())
+    resumed = sculpted(commission, tmp_path / "cut", resume=True)
+    np.testing.assert_array_equal(resumed.progress.heights_m[-1], whole.progress.heights_m[-1])
+
+
+def test_raised_goal_without_a_feeder_is_refused(bundle: Path) -> None:
+    with pytest.raises(ConfigError, match="Pushes only lower the foam, and the bundle has no feeder"):
+        clay_commission_of(bundle, "foam", T, seed=3, raised_m=0.004)
+
+
+def test_bundle_with_a_feeder_and_no_place_model_is_refused(bundle: Path) -> None:
+    change(bundle, sculpting={"clay_foam": to_plain(replace(SETTINGS, feeder="pellets"))})
+    with pytest.raises(BundleError, match=r"feeders/pellets\.toml"):
+        open_bundle(bundle)
 
 
 def test_sculpture_resumed_after_a_stop_equals_an_uninterrupted_one(bundle: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pipelines.collect_pushes as stage
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.pushes import CONTRACT, example_table
 from pentimento.contracts.tables import read_table, write_table
+from pentimento.planning.pushes.place_fit import fit_places
 
 COLLECTION = {
     "pushes": 12,
@@ -26,11 +27,12 @@ COLLECTION = {
 }
 
 
-def collect(folder: Path, source: Path | None = None) -> dict[str, float]:
+def collect(folder: Path, source: Path | None = None, pellets: int | None = None) -> dict[str, float]:
     section = {
         "source": {} if source is None else {"sand": str(source)},
         "world": {"sand": "sand"},
         "end_effector": {"sand": "ball"},
+        "pellets": {} if pellets is None else {"sand": {"feeder": "pellets", "count": pellets}},
         "collection": COLLECTION,
     }
     YAML(typ="safe").dump({"collect_pushes": section}, folder / "params.yaml")
@@ -49,6 +51,16 @@ def test_pushes_made_in_the_studio(stage_folder: Path) -> None:
     assert abs(metrics["volume_change_mean"]) < 0.002
     assert abs(metrics["dent_volume_lost"]) < 0.4
     assert 0.001 < metrics["repeat_floor_mm2"] < 0.1
+
+
+def test_pellets_follow_the_pushes_and_are_no_pushes(stage_folder: Path) -> None:
+    metrics = collect(stage_folder, pellets=6)
+    table = read_table(stage_folder / "pushes", CONTRACT).table
+    assert table["kind"].to_pylist() == ["push"] * 12 + ["place"] * 6
+    assert table["order"].to_pylist() == list(range(18))
+    assert abs(metrics["volume_change_mean"]) < 0.002  # of the pushes
+    model = fit_places(table)
+    assert 0.5 < model.kept < 1.2 and model.unexplained < 0.3
 
 
 def test_imports_measured_pushes_and_counts_bad_rows(stage_folder: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pentimento.contracts.errors import ConfigError
-from pentimento.robots.tools import load_tool
+from pentimento.robots.tools import ball_m3, load_feeder, load_tool
 
 MARKER = """
 name = "marker"
@@ -88,3 +88,25 @@ def test_an_unknown_name_says_which_tools_there_are(tmp_path: Path) -> None:
         load_tool("broom")
     with pytest.raises(ConfigError, match="does not exist"):
         load_tool(tmp_path / "none.toml")
+
+
+def test_bundled_feeder_is_in_si_units_and_presses_by_diameter() -> None:
+    feeder = load_feeder("pellets")
+    assert feeder.volume_m3 == pytest.approx((ball_m3(0.006), ball_m3(0.014)))
+    assert feeder.press_m(ball_m3(0.01)) == pytest.approx(feeder.pressed_share * 0.01)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ('diameter = ["9 mm", "6 mm"]', "must rise from above 0"),
+        ("pressed_share = 1.5", "a share above 0, at most 1"),
+        ('name = ""', "non-empty text"),
+        ("glue = 1", "glue"),
+    ],
+)
+def test_a_bad_feeder_file_is_refused_by_a_sentence(tmp_path: Path, line: str, sentence: str) -> None:
+    lines = {"name": 'name = "mine"', "diameter": 'diameter = ["6 mm", "9 mm"]', "pressed_share": "pressed_share = 0.3"}
+    (tmp_path / "mine.toml").write_text("\n".join((lines | {line.partition(" ")[0]: line}).values()))
+    with pytest.raises(ConfigError, match=sentence):
+        load_feeder(tmp_path / "mine.toml")

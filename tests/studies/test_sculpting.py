@@ -100,3 +100,25 @@ def test_the_page_states_what_a_relief_removed(tmp_path: Path) -> None:
     text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
     assert "| knot | 1 | 3 | 4.00 | 1.00 | 75 % | 50 % | 75 % | 61 s | 30 s |" in text
     assert read_image(tmp_path / "docs/sculpting/reliefs.png").shape == (320, 960, 3)
+
+
+def test_the_page_says_what_pellets_gain_with_its_interval(tmp_path: Path) -> None:
+    runs = [
+        {
+            "seed": seed,
+            "push": {"error_3d_mm2": [1.0, 1.0], "visual_error": [0.2, 0.2], "pellets": 0, "pushes": 0},
+            "place and push": {"error_3d_mm2": [1.0, left], "visual_error": [0.2, 0.1], "pellets": 12, "pushes": 3},
+        }
+        for seed, left in ((1, 0.2), (2, 0.4))
+    ]
+    said = {
+        "material": "foam", "actions": 24, "pixels": 64, "pellets": 24, "raised_m": 0.004, "sunken_m": 0.0035,
+        "model": {"kept": 0.56, "unexplained": 0.08}, "goals": {"a dome": {"raised": True, "runs": runs}},
+    }  # fmt: skip
+    (tmp_path / "places_foam.json").write_text(json.dumps(said))
+    write_png(tmp_path / "places_foam.png", np.full((8, 16, 3), 100, np.uint8))
+    page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
+    text = (tmp_path / "docs/sculpting.md").read_text().replace("\u00a0", " ")
+    # Two values 0.2 apart: a standard error of 0.1, times t(0.975, 1) = 12.706.
+    assert "| a dome | 0.0 % ± 0.0 % | 70 % ± 127 % | 70 % ± 127 % | 0.0 % ± 0.0 % | 50 % ± 0.0 % | 12.0 |" in text
+    assert (tmp_path / "docs/sculpting/places_foam.png").is_file()

@@ -147,6 +147,8 @@ class ClayFacts:
     correction: str | None
     """Name of the file with the correction by established causes (``planning.pushes.analytic.correction``); None where
     the diagnosis has kept none."""
+    places: str | None = None
+    """Name of the file with the place model (``planning.pushes.places``); None where no pellets were collected."""
 
 
 @dataclass(frozen=True)

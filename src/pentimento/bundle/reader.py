@@ -13,7 +13,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, NoReturn
 
@@ -24,6 +24,7 @@ from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 from pentimento.control.safety import SafetyEnvelope, envelope_for
 from pentimento.planning.pushes.analytic.correction import Correction, correction_from
+from pentimento.planning.pushes.places import PlaceModel, place_model_from
 from pentimento.planning.strokes.latent import StyleDecoder, decoder_from
 from pentimento.robots.tools import Tool, load_tool
 
@@ -65,6 +66,8 @@ class Bundle:
     """Handwriting styles by the writer's name."""
     corrections: Mapping[str, Correction]
     """Of push models, by the model's name; none where a model has no correction."""
+    places: Mapping[str, PlaceModel] = field(default_factory=dict)
+    """Place models by the name of the push model beside them; none where no pellets were collected."""
 
     def graph(self, name: str) -> bytes:
         """A graph's checked bytes.
@@ -141,7 +144,8 @@ def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, Saf
     _check_parts(folder, manifest)
     vocabulary, hands = _vocabulary(folder, manifest, contents), _hands(folder, manifest, contents)
     corrections = _corrections(folder, manifest, contents)
-    return Bundle(folder, found, manifest, tools, contents, vocabulary, hands, corrections)
+    places = _places(folder, manifest, contents)
+    return Bundle(folder, found, manifest, tools, contents, vocabulary, hands, corrections, places)
 
 
 def _manifest(folder: Path, text: bytes) -> Manifest:
@@ -326,6 +330,17 @@ def _corrections(folder: Path, manifest: Manifest, contents: Mapping[str, bytes]
         raise BundleError(f"The bundle {folder} is refused: {error}") from error
 
 
+def _places(folder: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> dict[str, PlaceModel]:
+    files = {name: clay.places for name, clay in manifest.clays.items() if clay.places is not None}
+    for name, settings in manifest.sculpting.items():
+        if settings.feeder is not None and name not in files:
+            _refuse(folder, f"{name} is sculpted with the feeder {settings.feeder}, and there is no place model of it")
+    try:
+        return {name: place_model_from(contents[file], file) for name, file in files.items()}
+    except ContractError as error:
+        raise BundleError(f"The bundle {folder} is refused: {error}") from error
+
+
 def _check_parts(folder: Path, manifest: Manifest) -> None:
     """Refuse a manifest that refers to graphs, files, brushes or models that it does not list."""
     graphs = {"semantic", "text", "caption", "goal_text", "goal_encode", "goal_denoise", "goal_decode"}
@@ -343,6 +358,9 @@ def _check_parts(folder: Path, manifest: Manifest) -> None:
     files |= {hand.file for hand in manifest.hands.values()}
     files |= {f"end_effectors/{clay.end_effector}.toml" for clay in manifest.clays.values()}
     files |= {clay.correction for clay in manifest.clays.values() if clay.correction is not None}
+    files |= {clay.places for clay in manifest.clays.values() if clay.places is not None}
+    feeders = (settings.feeder for settings in manifest.sculpting.values())
+    files |= {f"feeders/{feeder}.toml" for feeder in feeders if feeder is not None}
     missing = [*sorted(graphs - set(manifest.graphs)), *sorted(files - set(manifest.files))]
     missing += [setting.brush for setting in manifest.settings.values() if setting.brush not in manifest.brushes]
     paths = {setting.path_brush for setting in manifest.settings.values() if setting.path_brush is not None}

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pentimento.contracts.errors import ConfigError
+from pentimento.contracts.errors import ConfigError, PentimentoError
+from pentimento.contracts.units import parse_quantity
 
 
 class Option(NamedTuple):
@@ -68,6 +69,17 @@ def count(text: str) -> int:
 def seed(text: str) -> int:
     """Parse an integer of 0 or more."""
     return _integer(text, 0)
+
+
+def length(text: str) -> float:
+    """Parse a length above 0 with its unit, such as "4 mm"; in metres."""
+    try:
+        value = parse_quantity(text, "m")
+    except PentimentoError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not above 0")
+    return value
 
 
 def words(text: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pentimento.cli import Command, count, given, option, seed, words
+from pentimento.cli import Command, count, given, length, option, seed, words
 from pentimento.contracts.codec import from_plain
 from pentimento.contracts.errors import ConfigError, ContractError, PentimentoError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pentimento.control.run import Turns
 
 _CLAY_GOALS = ("letter", "goal_mesh", "goal_heights")  # and goal_image, which painting has as well
-_OF_CLAY = ("material", *_CLAY_GOALS, "font", "up", "pushes", "scan_pixels")
+_OF_CLAY = ("material", *_CLAY_GOALS, "font", "up", "raised", "pushes", "scan_pixels")
 _OF_PAINT = (
     "robot",
     "setting",
@@ -204,7 +204,7 @@ def _sculpt(arguments: argparse.Namespace) -> None:
     if commission is None:
         commission = clay_commission_of(
             arguments.bundle, arguments.material, _clay_goal(arguments), actions=arguments.pushes, seed=arguments.seed,
-            scan_pixels=arguments.scan_pixels,
+            raised_m=0.0 if arguments.raised is None else arguments.raised, scan_pixels=arguments.scan_pixels,
         )  # fmt: skip
     control, progress = Control(), Progress()
     at_terminal(control, progress)
@@ -401,10 +401,17 @@ COMMANDS = (
                 help="sculpt these heights: .npy, grey .png or .tif; NaN is a hole",
             ),
             option(
+                "--raised",
+                type=length,
+                metavar="HEIGHT",
+                help="let the goal stand this high above the clay, such as '4 mm', of pellets that are placed; by "
+                "default it is sunk",
+            ),
+            option(
                 "--pushes",
                 type=count,
                 metavar="N",
-                help="maximum number of pushes into the clay; by default the bundle's",
+                help="maximum number of pushes into the clay and pellets on it; by default the bundle's",
             ),
             option(
                 "--scan-pixels",

@@ -1,4 +1,4 @@
-"""The `pushes` table: one row for each push or pinch into clay, measured or simulated."""
+"""The `pushes` table: one row for each push or pinch into clay, or pellet placed on it, measured or simulated."""
 
 import math
 from typing import Any, Final
@@ -11,23 +11,24 @@ from pentimento.contracts.frames import canvas_to_stroke, image_shape, pixel_to_
 from pentimento.contracts.height_maps import encode_height_png
 from pentimento.contracts.schema import IMAGE, TableContract, arrow_schema, known, needed, vector
 
-KINDS: Final = ("push", "pinch")
+PLACE: Final = "place"
+KINDS: Final = ("push", "pinch", PLACE)
 
 _ACTION = (
     "x, y, theta, length of travel (pinch: closing), depth: relative to the surface at the start, "
-    "ramping from 0 to depth at the end of travel"
+    "ramping from 0 to depth at the end of travel; place: x, y of the pellet, then zeros"
 )
 
 CONTRACT: Final = TableContract(
     name="pushes",
-    description="One row for each push or pinch into a soft material, measured or simulated.",
+    description="One row for each push or pinch into a soft material, or pellet placed on it, measured or simulated.",
     columns=(
         needed("session", pa.string(), "one uninterrupted recording: same tool, material, scanner pose"),
         needed("order", pa.int32(), "execution order in the session"),
         needed("action_id", pa.int32(), "rows of one value repeat the same commanded action"),
         needed("tool", pa.string(), "name of the end-effector"),
         needed("material", pa.string(), "name of the material, e.g. foam"),
-        needed("kind", pa.string(), "push or pinch", choices=KINDS),
+        needed("kind", pa.string(), "push, pinch, or place: a pellet set on the surface", choices=KINDS),
         needed("action", vector(5), _ACTION, "m, m, rad, m, m", "canvas"),
         needed("window_m", vector(4), "x_min, y_min, x_max, y_max of both images", "m", "canvas"),
         needed("before", IMAGE, "16-bit PNG of height above the table before; 0 = hole", "", "image"),
@@ -45,6 +46,7 @@ CONTRACT: Final = TableContract(
         known("table_plane", vector(3), "a, b, c of the table's height a x + b y + c in the scan", "1, 1, m"),
         known("scanner_id", pa.string(), "which scanner"),
         known("tool_id", pa.string(), "which specimen of the tool"),
+        known("volume_m3", pa.float32(), "place: volume of the pellet", "m^3"),
         known("force_n", pa.list_(pa.float32()), "force along the push", "N"),
     ),
 )

@@ -20,6 +20,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.covariates import Memory
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.observations import Scan
+from pentimento.control.placing import as_columns, from_columns
 from pentimento.control.sculptor import Outcome, SculptureProgress
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.fixed import FixedStrokes, as_rows
@@ -92,7 +93,7 @@ class PaintingState:
 
 @dataclass(frozen=True, eq=False)
 class SculptureState:
-    """A sculpture between two pushes, or with one push pending."""
+    """A sculpture between two actions, or with one action pending."""
 
     goal_m: HeightMap
     """[H, W]"""
@@ -215,12 +216,14 @@ def save_sculpture(folder: Path, state: SculptureState) -> None:
         "scanner_id": progress.scan.scanner_id,
         "t_s": progress.scan.t_s,
     }
+    actions, volumes_m3 = as_columns(progress.actions)
     arrays: Arrays = {
         "goal_m": state.goal_m,
         "scan_m": progress.scan.height_m,
         "window_m": progress.scan.window_m,
         "table_plane": progress.scan.table_plane,
-        "actions": np.array(progress.actions, np.float64).reshape(-1, 5),
+        "actions": actions,
+        "volumes_m3": volumes_m3,
         "heights_m": np.stack(first_and_last),
         "objective": np.array(progress.values),
         "remaining": progress.remaining,
@@ -248,7 +251,7 @@ def _sculpture(values: dict[str, Any], arrays: Arrays) -> SculptureState:
         scan=Scan(
             arrays["scan_m"], arrays["window_m"], arrays["table_plane"], values["scanner_id"], values["t_s"]
         ),
-        actions=tuple(arrays["actions"]),
+        actions=from_columns(arrays["actions"], arrays["volumes_m3"]),
         heights_m=tuple(arrays["heights_m"]),
         values=tuple(arrays["objective"].tolist()),
         expected_m=(),

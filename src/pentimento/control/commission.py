@@ -100,6 +100,9 @@ class ClayCommission:
     seed: int
     scan_pixels: int
     """Of a scan, along the slab's longer side."""
+    raised_m: float = 0.0
+    """Height of the goal's highest point above the clay's mean height. Above 0 the goal stands on the surface, and
+    `depth_m` does not count."""
 
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:

@@ -99,12 +99,7 @@ def record_push(
 
     Raises ContractError if the two scans differ in shape or window.
     """
-    before, after, push = executed.before, executed.after, executed.push
-    if before.height_m.shape != after.height_m.shape or not np.allclose(before.window_m, after.window_m):
-        raise ContractError(
-            f"The scan before is {before.height_m.shape} over {before.window_m} m and after "
-            f"{after.height_m.shape} over {after.window_m} m; scan both with one shape and window."
-        )
+    push = executed.push
     return {
         "session": session.name,
         "order": order,
@@ -113,17 +108,32 @@ def record_push(
         "material": material,
         "kind": push.kind,
         "action": [float(value) for value in push.action],
+        "speed_m_s": push.speed_m_s,
+        "retract_speed_m_s": push.retract_speed_m_s,
+        "dwell_s": push.dwell_s,
+        **scans_of_row(executed.before, executed.after, session),
+        "t_start_s": executed.t_start_s - session.started_s,
+        **executed.ambient,
+    }
+
+
+def scans_of_row(before: Scan, after: Scan, session: Session) -> dict[str, Any]:
+    """The scans before and after an action as columns of the `pushes` contract.
+
+    Raises ContractError if they differ in shape or window.
+    """
+    if before.height_m.shape != after.height_m.shape or not np.allclose(before.window_m, after.window_m):
+        raise ContractError(
+            f"The scan before is {before.height_m.shape} over {before.window_m} m and after "
+            f"{after.height_m.shape} over {after.window_m} m; scan both with one shape and window."
+        )
+    return {
         "window_m": [float(value) for value in before.window_m],
         "before": {"bytes": encode_height_png(before.height_m, HEIGHT_PER_UNIT_M), "path": None},
         "after": {"bytes": encode_height_png(after.height_m, HEIGHT_PER_UNIT_M), "path": None},
         "height_per_unit_m": HEIGHT_PER_UNIT_M,
-        "speed_m_s": push.speed_m_s,
-        "retract_speed_m_s": push.retract_speed_m_s,
-        "dwell_s": push.dwell_s,
-        "t_start_s": executed.t_start_s - session.started_s,
         "t_before_s": before.t_s - session.started_s,
         "t_after_s": after.t_s - session.started_s,
         "table_plane": [float(value) for value in after.table_plane],
         "scanner_id": before.scanner_id,
-        **executed.ambient,
     }

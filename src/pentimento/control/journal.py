@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.observations import Photo, Scan
-from pentimento.robots.driver import Push, Robot, SculptingRobot
+from pentimento.robots.driver import Place, Push, Robot, SculptingRobot
 from pentimento.robots.tools import EndEffector, Tool
 
 FloatArray = NDArray[np.float64]
@@ -177,6 +177,10 @@ class JournaledClay:
         measured: FloatArray = self._journal.do("push", push.kind, np.asarray(push.action).tolist(), *numbers)
         return measured
 
+    def place(self, place: Place) -> None:
+        numbers = (place.x_m, place.y_m, place.volume_m3, place.surface_m, place.press_m)
+        self._journal.do("place", *map(float, numbers))
+
     def scan(self) -> Scan:
         scan: Scan = self._journal.do("scan")
         return scan
@@ -201,5 +205,7 @@ class JournaledClay:
             case "push":
                 kind, action, *numbers = arguments
                 return self._robot.push(Push(kind, np.array(action, dtype=np.float64), *numbers))
+            case "place":
+                return self._robot.place(Place(*arguments))
             case _:
                 return getattr(self._robot, name)(*arguments)

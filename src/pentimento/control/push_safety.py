@@ -1,4 +1,4 @@
-"""The safety envelope of sculpting, and the guard that checks every push before it reaches the driver.
+"""The safety envelope of pushes, and the guard that checks every push and pellet before it reaches the driver.
 
 As in safety.py, the envelope is a value, its check is pure, and it rejects and never clamps.
 """
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.contracts.observations import Scan
 from pentimento.control.guard import MAX_WAIT_S
+from pentimento.control.place_safety import PlaceEnvelope
 from pentimento.control.safety import ROUNDING_M
-from pentimento.robots.driver import Push, SculptingRobot, span_m
+from pentimento.robots.driver import Place, Push, SculptingRobot, span_m
 from pentimento.robots.tools import EndEffector, PushKind
 
 FloatArray = NDArray[np.float64]
@@ -186,19 +187,24 @@ class GuardedSculptingRobot:
     """A SculptingRobot whose every push is checked before it reaches the driver.
 
     The driver gets the checked copy. Any error of the driver during a push leaves the robot stopped: every later push
-    is refused until a person has inspected the robot and calls `release`.
+    is refused until a person has inspected the robot and calls `release`. Pellets are guarded alike, by an envelope of
+    their own; without one, none may be set.
     """
 
-    def __init__(self, robot: SculptingRobot, envelope: PushEnvelope) -> None:
-        """Raises EnvelopeViolation if the envelope reaches beyond the robot's slab."""
+    def __init__(self, robot: SculptingRobot, envelope: PushEnvelope, places: PlaceEnvelope | None = None) -> None:
+        """Raises EnvelopeViolation if an envelope reaches beyond the robot's slab."""
         width_m, height_m = robot.area_m
-        margins = (envelope.x_min_m, envelope.y_min_m, width_m - envelope.x_max_m, height_m - envelope.y_max_m)
-        if not all(margin >= -ROUNDING_M for margin in margins):
-            raise EnvelopeViolation(
-                f"The push envelope reaches beyond the robot's slab of {width_m:g} by {height_m:g} m; "
-                "build it with push_envelope_for(end_effector, robot.area_m)."
-            )
-        self._robot, self._envelope = robot, envelope
+        for kind, limits in (("push", envelope), ("place", places)):
+            if limits is None:
+                continue
+            margins = (limits.x_min_m, limits.y_min_m, width_m - limits.x_max_m, height_m - limits.y_max_m)
+            if not all(margin >= -ROUNDING_M for margin in margins):
+                builder = "push_envelope_for(end_effector" if kind == "push" else "place_envelope_for(feeder"
+                raise EnvelopeViolation(
+                    f"The {kind} envelope reaches beyond the robot's slab of {width_m:g} by {height_m:g} m; "
+                    f"build it with {builder}, robot.area_m)."
+                )
+        self._robot, self._envelope, self._places = robot, envelope, places
         self._tool_fits = False
         self._stopped: str | None = None
 
@@ -254,6 +260,24 @@ class GuardedSculptingRobot:
             return self._robot.push(checked)
         except BaseException as error:
             self._stopped = f"a push failed: {error or type(error).__name__}"
+            raise
+
+    def place(self, place: Place) -> None:
+        """Refuses a pellet outside the envelope, and any pellet where there is no envelope of pellets."""
+        if self._places is None:
+            raise EnvelopeViolation(
+                "A pellet is commanded and the robot has no place envelope; build one with place_envelope_for(feeder, "
+                "robot.area_m) and give it to the guard."
+            )
+        if self._stopped is not None:
+            raise EnvelopeViolation(
+                f"The robot is stopped ({self._stopped}) and the pellet is refused; look at the robot, then release it."
+            )
+        self._places.check(place)
+        try:
+            self._robot.place(place)
+        except BaseException as error:
+            self._stopped = f"a pellet failed: {error or type(error).__name__}"
             raise
 
     def scan(self) -> Scan:

@@ -24,6 +24,8 @@ from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
 from pentimento.control.journal import JournaledClay
 from pentimento.control.loop import Hooks, Interrupt
 from pentimento.control.person import Control, Progress
+from pentimento.control.place_safety import place_envelope_for
+from pentimento.control.placing import Placer
 from pentimento.control.push_safety import MIN_CLEARANCE_M, GuardedSculptingRobot, push_envelope_for
 from pentimento.control.recording import write_push
 from pentimento.control.sculpting_settings import SculptingSettings
@@ -31,8 +33,8 @@ from pentimento.control.sculptor import Array, Outcome, Sculptor, SculptureProgr
 from pentimento.goals3d.mesh_files import MESHES
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import FloatArray, height_source, relief_of
-from pentimento.planning.pushes.goal import GoalError, fit_goal, sunken_letters
-from pentimento.robots.tools import load_end_effector
+from pentimento.planning.pushes.goal import GoalError, fit_goal, raised_goal, sunken_letters
+from pentimento.robots.tools import load_end_effector, load_feeder
 from pentimento.robots.virtual import virtual_sculpting_robot
 
 SUMMARY: Final = "sculpture.json"
@@ -60,6 +62,7 @@ def clay_commission_of(
     *,
     world: str | None = None,
     depth_m: float | None = None,
+    raised_m: float = 0.0,
     actions: int | None = None,
     seed: int | None = None,
     scan_pixels: int | None = None,
@@ -69,6 +72,7 @@ def clay_commission_of(
     Args:
         world: of the virtual studio; by default the one with the material's name.
         depth_m: depth of the goal's lowest point below the clay's mean height.
+        raised_m: height of its highest point above that; above 0 the goal stands on the surface, of placed pellets.
         actions: maximum number of pushes.
         seed: of plan and studio.
         scan_pixels: of a scan, along the slab's longer side; by default as many as the push model's maps have.
@@ -77,7 +81,8 @@ def clay_commission_of(
 
     Raises:
         BundleError: the bundle is refused.
-        ConfigError: the bundle has no push model of that material, or a scan would have too few or too many pixels.
+        ConfigError: the bundle has no push model of that material, or no feeder for a goal above the surface; or a scan
+            would have too few or too many pixels.
         GoalError, ImageError: the goal cannot be read or drawn.
     """
     opened = open_bundle(bundle)
@@ -88,6 +93,11 @@ def clay_commission_of(
         raise ConfigError(
             f"A scan of {pixels} pixels a side cannot be planned on; give {_SCAN_PIXELS[0]} to {_SCAN_PIXELS[1]}."
         )
+    if raised_m > 0 and settings.feeder is None:
+        raise ConfigError(
+            f"Pushes only lower the {material}, and the bundle has no feeder for it that could place material: leave "
+            "out --raised, or deploy with a feeder (params.yaml: sculpting)."
+        )
     _relief(goal, (32, 32), settings.side_share, 0.0, tell=lambda _: None)  # so that an error leaves no folder behind
     return ClayCommission(
         str(bundle.resolve()), opened.digest, material, world or material, goal,
@@ -95,6 +105,7 @@ def clay_commission_of(
         settings.actions if actions is None else actions,
         settings.planner.seed if seed is None else seed,
         pixels,
+        raised_m,
     )  # fmt: skip
 
 
@@ -122,7 +133,9 @@ def run_sculpture(
         studio = virtual_sculpting_robot(commission.world, commission.scan_pixels, commission.seed)
         journaled = JournaledClay(studio, folder / JOURNAL, lambda _: end_effector)
         try:
-            robot = GuardedSculptingRobot(journaled, push_envelope_for(end_effector, journaled.area_m))
+            placer = _placer(bundle, name)
+            places = None if placer is None else place_envelope_for(placer.feeder, journaled.area_m)
+            robot = GuardedSculptingRobot(journaled, push_envelope_for(end_effector, journaled.area_m), places)
             saved = load_sculpture(folder) if has_sculpture(folder) else None
             sessions = saved.sessions + 1 if saved else 1
             if saved is not None:
@@ -140,7 +153,7 @@ def run_sculpture(
                 count=commission.actions,
                 # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
                 session=Session(f"sculpture-{commission.material}-{commission.seed}", 0.0), item=0,
-                record=lambda row: write_push(folder / RECORD, row),
+                record=lambda row: write_push(folder / RECORD, row), placer=placer,
             )  # fmt: skip
             return _sculpt(sculptor, folder, saved, sessions, control=control, progress=progress)
         finally:
@@ -165,7 +178,9 @@ def _sculpt(
         return state, "stop" if order is not None and order.command == "stop" else None
 
     def show(state: SculptureProgress) -> None:
-        progress.step("push", len(state.actions), sculptor.count, f"error {state.values[-1]:.4f}")
+        progress.step(
+            "action" if sculptor.placer else "push", len(state.actions), sculptor.count, f"error {state.values[-1]:.4f}"
+        )
 
     state = sculptor.begin()[0] if saved is None else saved.progress
     if state.pending:
@@ -178,6 +193,13 @@ def _sculpt(
     final = SculptureState(sculptor.goal_m, state, sessions, stopped)
     save_sculpture(folder, final)  # last, so that a sculpture that is saved as done is complete
     return final
+
+
+def _placer(bundle: Bundle, name: str) -> Placer | None:
+    feeder = bundle.manifest.sculpting[name].feeder
+    if feeder is None:
+        return None
+    return Placer(load_feeder(bundle.folder / "feeders" / f"{feeder}.toml"), bundle.places[name])
 
 
 def _clay_of(bundle: Bundle, material: str) -> str:
@@ -201,6 +223,9 @@ def _goal(
     shape, mean_m = (height_m.shape[0], height_m.shape[1]), float(height_m.mean(dtype=np.float64))
     blur_px = settings.edge_blur_m * shape[1] / area_m[0]
     relief = _relief(commission.goal, shape, settings.side_share, blur_px, tell=tell)
+    if commission.raised_m > 0:
+        up = -relief if commission.goal.kind == "letter" else relief  # letters are sunken
+        return raised_goal(up, height_m, raised_m=commission.raised_m, border_share=settings.fit.border_share).height_m
     depth_m = min(commission.depth_m, mean_m - MIN_CLEARANCE_M)
     if depth_m <= 0:
         raise GoalError(f"The clay is {1e3 * mean_m:.1f} mm high, too thin to sculpt; put more of it on the table.")

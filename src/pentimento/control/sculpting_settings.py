@@ -39,6 +39,8 @@ class SculptingSettings:
     fit: GoalSettings
     planner: SculptorConfig
     execution: Execution
+    feeder: str | None = None
+    """Name of the feeder that places pellets of the material; None for pushes alone."""
 
     def __post_init__(self) -> None:
         at_least(self, 1, "actions")

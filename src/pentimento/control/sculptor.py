@@ -1,4 +1,7 @@
-"""Sculpting: execute a batch of pushes, scan the clay, replan the rest, until no push helps (thesis 7.3.5)."""
+"""Sculpting: execute a batch of actions, scan the clay, replan the rest, until no action helps (thesis 7.3.5).
+
+Actions are pushes [5]; with a ``Placer`` also pellets [3]. A batch is of one kind.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,10 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.observations import Scan
 from pentimento.control.execute import Session
+from pentimento.control.execute_place import execute_place, record_place
 from pentimento.control.execute_push import execute_push, levelled_m, record_push
 from pentimento.control.loop import Hooks, run_loop
+from pentimento.control.placing import Placer, as_columns, better_plan, is_place
 from pentimento.control.sculpting_settings import Execution
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.config import Reach, SculptorConfig
@@ -38,7 +43,9 @@ class Sculpture:
     rows: list[dict[str, Any]]
     """Of the ``pushes`` contract, one for each action."""
     actions: FloatArray
-    """[N, 5]."""
+    """[N, 5] of the contract; a pellet's are its place and zeros."""
+    volumes_m3: FloatArray
+    """[N] of the pellets, NaN of pushes."""
     heights_m: Array
     """[N + 1, H, W], levelled and without holes: before the first and after each action."""
     values: FloatArray
@@ -52,6 +59,11 @@ class Sculpture:
     """Pixels of all scans that were not measured and were filled."""
 
     @property
+    def pushes(self) -> FloatArray:
+        """[P, 5]: the actions that are not pellets."""
+        return self.actions[np.isnan(self.volumes_m3)]
+
+    @property
     def helped(self) -> bool:
         """Whether the objective is lower than before the first action."""
         return bool(self.values[-1] < self.values[0])
@@ -59,12 +71,12 @@ class Sculpture:
 
 @dataclass(frozen=True)
 class SculptureProgress:
-    """A sculpture between two pushes, or with one push pending."""
+    """A sculpture between two actions, or with one action pending."""
 
     scan: Scan
     """The last."""
     actions: tuple[FloatArray, ...]
-    """Executed actions [5]."""
+    """Executed pushes [5] and pellets [3]."""
     heights_m: tuple[Array, ...]
     """[H, W] each, levelled and without holes: before the first and after each action; once resumed from a checkpoint,
     before the first, after the last then, and after each since."""
@@ -74,7 +86,7 @@ class SculptureProgress:
     """[H, W] each: the heights after each action since the last resumption, as predicted by the plan that contained it.
     """
     remaining: FloatArray
-    """[K, 5]: planned actions to execute."""
+    """[K, 5] pushes or [K, 3] pellets: planned actions to execute."""
     predicted_m: Array
     """[K, H, W]: the heights after each of them."""
     due: int
@@ -83,6 +95,10 @@ class SculptureProgress:
     """Pixels of all scans that were not measured and were filled."""
     pending: bool
     """The first remaining action was sent to the robot, which has not confirmed it."""
+
+
+def _pushes(actions: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+    return tuple(action for action in actions if not is_place(action))
 
 
 def reach_for(end_effector: EndEffector, area_m: tuple[float, float], edge_m: float) -> Reach:
@@ -104,7 +120,7 @@ def seen_m(scan: Scan) -> tuple[Array, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Sculptor:
-    """A sculpting task: ``control.loop.Task`` whose actions are pushes [5]."""
+    """A sculpting task: ``control.loop.Task`` whose actions are pushes [5] and pellets [3]."""
 
     robot: SculptingRobot
     """Guarded."""
@@ -126,13 +142,15 @@ class Sculptor:
     """Called with the row of each executed action, before the new state is saved."""
     earlier: tuple[FloatArray, ...] = ()
     """[5] each: pushes of earlier goals, since the material was smoothed. Without them, the clay is taken as smooth."""
+    placer: Placer | None = None
+    """What sets pellets; None for pushes alone."""
 
     def begin(self) -> tuple[SculptureProgress, PushPlan]:
         """Scan and plan; nothing moves."""
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
-        first = self._plan(height, ())
+        first = self._plan(height, (), begun=None)
         progress = SculptureProgress(
             scan=scan, actions=(), heights_m=(height,), values=(float(self.foresight.objective.values(height)),),
             expected_m=(), remaining=first.actions, predicted_m=first.predicted_m[1:],
@@ -141,7 +159,7 @@ class Sculptor:
         return progress, first
 
     def rescan(self, progress: SculptureProgress) -> SculptureProgress:
-        """Scan the clay and plan again, after a push whose result is unknown. That push is not recorded."""
+        """Scan the clay and plan again, after an action whose result is unknown. That action is not recorded."""
         self.robot.change_tool(self.end_effector)
         scan = self.robot.scan()
         height, holes = seen_m(scan)
@@ -186,18 +204,11 @@ class Sculptor:
 
     def execute(self, state: SculptureProgress, action: FloatArray) -> SculptureProgress:
         """See ``control.loop.Task``."""
-        executed = execute_push(
-            self.robot, self.end_effector, action, state.scan, speed_m_s=self.end_effector.speed_m_s,
-            dwell_s=self.execution.dwell_s, retract_speed_m_s=self.execution.retract_speed_m_s,
-        )  # fmt: skip
-        order = 1000 * self.item + len(state.actions)
-        row = record_push(
-            self.session, order, order, end_effector=self.end_effector, material=self.material, executed=executed
-        )
-        self.record(row | {"reset_id": 0, "pushes_since_reset": len(self.earlier) + len(state.actions)})
-        height, holes = seen_m(executed.after)
+        row, after = self._executed(state, action)
+        self.record(row | {"reset_id": 0, "pushes_since_reset": len(self.earlier) + len(_pushes(state.actions))})
+        height, holes = seen_m(after)
         return SculptureProgress(
-            scan=executed.after, actions=(*state.actions, action), heights_m=(*state.heights_m, height),
+            scan=after, actions=(*state.actions, action), heights_m=(*state.heights_m, height),
             values=(*state.values, float(self.foresight.objective.values(height))),
             expected_m=(*state.expected_m, state.predicted_m[0]), remaining=state.remaining[1:],
             predicted_m=state.predicted_m[1:], due=state.due - 1, holes=state.holes + holes, pending=False,
@@ -207,21 +218,59 @@ class Sculptor:
         """See ``control.loop.Task``."""
         return state if self._ended(state) is not None else self._with_new_plan(state)
 
+    def _executed(self, state: SculptureProgress, action: FloatArray) -> tuple[dict[str, Any], Scan]:
+        """The row of an executed action, and the scan after it."""
+        order = 1000 * self.item + len(state.actions)
+        if is_place(action):
+            assert self.placer is not None  # nothing else plans pellets
+            placed = execute_place(self.robot, self.placer.feeder, action, state.scan)
+            row = record_place(
+                self.session, order, order, feeder=self.placer.feeder, material=self.material, executed=placed
+            )
+            return row, placed.after
+        pushed = execute_push(
+            self.robot, self.end_effector, action, state.scan, speed_m_s=self.end_effector.speed_m_s,
+            dwell_s=self.execution.dwell_s, retract_speed_m_s=self.execution.retract_speed_m_s,
+        )  # fmt: skip
+        row = record_push(
+            self.session, order, order, end_effector=self.end_effector, material=self.material, executed=pushed
+        )
+        return row, pushed.after
+
+    def _plan(self, height: Array, executed: tuple[FloatArray, ...], *, begun: FloatArray | None) -> PushPlan:
+        """The better of a plan of pushes and a plan of pellets for the clay [H, W] after executed actions.
+
+        begun: [N, 5] pushes to continue from.
+        """
+        count, item = self.count - len(executed), (self.item, len(executed))
+        foresight = self.foresight.remembering(self._memory(executed))
+        pushes = plan_for_scan(
+            height, foresight, self._reach, grid=self.grid, config=self.config, count=count, item=item, begun=begun
+        )
+        if self.placer is None:
+            return pushes
+        places = self.placer.plan(
+            height, foresight.objective, self.members[0].window_m, area_m=self.robot.area_m, config=self.config,
+            count=count, item=item,
+        )  # fmt: skip
+        return better_plan(pushes, places, self.execution.replan_every)
+
     @property
     def _reach(self) -> Reach:
         return reach_for(self.end_effector, self.robot.area_m, self.config.edge_m)
 
     def _memory(self, actions: tuple[FloatArray, ...]) -> PushMemory:
-        """Of the clay after these executed actions, for the next."""
+        """Of the clay after these executed actions, for the next push. Pellets are fresh material without a memory."""
+        pushes = _pushes(actions)
         known = {
             "order": float(1000 * self.item + len(actions)),
-            "pushes_since_reset": float(len(self.earlier) + len(actions)),
+            "pushes_since_reset": float(len(self.earlier) + len(pushes)),
             "t_start_s": self.robot.clock_s - self.session.started_s,
             "speed_m_s": self.end_effector.speed_m_s,
             "dwell_s": self.execution.dwell_s,
             "retract_speed_m_s": self.execution.retract_speed_m_s,
         }
-        return PushMemory((*self.earlier, *actions), known | self.robot.ambient())
+        return PushMemory((*self.earlier, *pushes), known | self.robot.ambient())
 
     def _ended(self, progress: SculptureProgress) -> Outcome | None:
         since_minimum = len(progress.values) - 1 - int(np.argmin(progress.values))
@@ -230,17 +279,10 @@ class Sculptor:
         return "all actions were made" if len(progress.actions) >= self.count else None
 
     def _with_new_plan(self, progress: SculptureProgress) -> SculptureProgress:
-        begun = progress.remaining if progress.actions else None
-        new = self._plan(progress.heights_m[-1], progress.actions, begun)
+        begun = progress.remaining if progress.actions and progress.remaining.shape[1] == 5 else None
+        new = self._plan(progress.heights_m[-1], progress.actions, begun=begun)
         due = min(self.execution.replan_every, len(new.actions))
         return replace(progress, remaining=new.actions, predicted_m=new.predicted_m[1:], due=due)
-
-    def _plan(self, height_m: Array, executed: tuple[FloatArray, ...], begun: FloatArray | None = None) -> PushPlan:
-        """For clay [H, W] after these actions; ``begun`` is the rest of an earlier plan."""
-        return plan_for_scan(
-            height_m, self.foresight.remembering(self._memory(executed)), self._reach, grid=self.grid,
-            config=self.config, count=self.count - len(executed), item=(self.item, len(executed)), begun=begun,
-        )  # fmt: skip
 
 
 def sculpt(
@@ -258,6 +300,7 @@ def sculpt(
     item: int,
     log: Callable[[str, float, int], None],
     earlier: tuple[FloatArray, ...] = (),
+    placer: Placer | None = None,
 ) -> Sculpture:
     """Bring the clay closer to a goal [H, W] with up to ``count`` actions, ``execution.replan_every`` of them per plan.
 
@@ -270,12 +313,13 @@ def sculpt(
         item: the goal's number in the session; the rows' order begins at ``1000 · item``.
         log: called as ``log("value", objective, actions executed)``.
         earlier: pushes [5] of earlier goals, since the material was smoothed.
+        placer: what sets pellets; None for pushes alone.
     """
     rows: list[dict[str, Any]] = []
     sculptor = Sculptor(
         robot=robot, end_effector=end_effector, material=material, goal_m=goal_m, members=members, grid=grid,
         config=config, execution=execution, count=count, session=session, item=item, record=rows.append,
-        earlier=earlier,
+        earlier=earlier, placer=placer,
     )  # fmt: skip
     begun, first = sculptor.begin()
     log("value", begun.values[0], 0)
@@ -284,6 +328,6 @@ def sculpt(
     assert stopped is not None  # nobody interrupts
     height = progress.heights_m[0]
     return Sculpture(
-        rows, np.array(progress.actions).reshape(-1, 5), np.stack(progress.heights_m), np.array(progress.values), first,
+        rows, *as_columns(progress.actions), np.stack(progress.heights_m), np.array(progress.values), first,
         np.array(progress.expected_m, np.float32).reshape(-1, *height.shape), stopped, progress.holes,
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -45,6 +45,7 @@ from pentimento.dynamics.pushes.push_model import PushModel, TorchClay, planned_
 from pentimento.dynamics.strokes.extended import StrokeModel
 from pentimento.handwriting.synthetic_writers import HANDS
 from pentimento.planning.pushes.analytic.correction import CorrectedClay, Correction, correction_as_json
+from pentimento.planning.pushes.places import PlaceModel, place_model_bytes
 from pentimento.planning.strokes.config import HandPlanConfig, PlannerConfig
 from pentimento.planning.strokes.latent import StyleDecoder, decoder_bytes
 from pentimento.robots.tools import load_tool
@@ -148,6 +149,8 @@ class Models:
     """Handwriting styles by the writer's name."""
     corrections: Mapping[str, Correction] = field(default_factory=dict)
     """Of push models, by material."""
+    places: Mapping[str, PlaceModel] = field(default_factory=dict)
+    """Place models by material."""
 
 
 def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest:
@@ -183,6 +186,10 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         contents[f"tools/{setting.tool}.toml"] = _robot_file("tools", setting.tool)
     for material, correction in models.corrections.items():
         contents[_correction_file(material)] = _json(correction_as_json(correction))
+    for material, places in models.places.items():
+        contents[_places_file(material)] = place_model_bytes(places)
+    for feeder in {clay.sculpting.feeder for clay in config.clays.values()} - {None}:
+        contents[f"feeders/{feeder}.toml"] = _robot_file("feeders", str(feeder))
     for clay in clays.values():
         contents[f"end_effectors/{clay.end_effector}.toml"] = _robot_file("end_effectors", clay.end_effector)
     entries = {name: _entry(name, graph) for name, graph in graphs.items()}
@@ -297,13 +304,23 @@ def _clays(models: Models, config: DeployConfig) -> tuple[dict[str, ClayFacts], 
         name, model = f"clay_{material}", models.pushes[material]
         members = planned_members(model, np.array(clay.window_m))
         correction = _correction_file(material) if material in models.corrections else None
-        facts[name] = clay_facts(members, model.facts, clay.shape, correction)
+        places = _places_file(material) if material in models.places else None
+        if clay.sculpting.feeder is not None and places is None:
+            raise ConfigError(
+                f"{material} is sculpted with the feeder {clay.sculpting.feeder} and has no place model: collect "
+                "pellets of it (params.yaml: collect_pushes.pellets), or set the feeder to null."
+            )
+        facts[name] = replace(clay_facts(members, model.facts, clay.shape, correction), places=places)
         for number, member in enumerate(members):
             graphs |= clay_graphs(
                 f"{name}_{number}", member, model.facts, shape=clay.shape, tolerance=config.tolerance,
                 models=(f"push_{material}",),
             )  # fmt: skip
     return facts, graphs
+
+
+def _places_file(material: str) -> str:
+    return f"places/clay_{material}.json"
 
 
 def _correction_file(material: str) -> str:

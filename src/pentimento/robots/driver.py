@@ -106,6 +106,20 @@ class Push:
     retract_speed_m_s: float
 
 
+@dataclass(frozen=True, eq=False)
+class Place:
+    """One pellet, complete: set on the surface at x, y and pressed flat from above."""
+
+    x_m: float
+    y_m: float
+    volume_m3: float
+    """Of the pellet before it is pressed."""
+    surface_m: float
+    """Height above the table of the surface at x, y, as measured before."""
+    press_m: float
+    """Height above that surface to which the pellet is pressed."""
+
+
 def span_m(kind: PushKind, action: FloatArray, opening_m: float) -> FloatArray:
     """The two places [2, 2] between which a push or pinch happens: start and end of travel, or the open fingers."""
     along = np.array([math.cos(action[2]), math.sin(action[2])])
@@ -140,6 +154,10 @@ class SculptingRobot(Protocol):
 
         NaN where nothing was measured.
         """
+        ...
+
+    def place(self, place: Place) -> None:
+        """Set a pellet of the material and press it. MissingAbilityError without a feeder."""
         ...
 
     def scan(self) -> Scan:

@@ -1,4 +1,5 @@
-"""What the robot knows about its tools (brushes and pens) and end-effectors (what it presses into clay).
+"""What the robot knows about its tools (brushes and pens), end-effectors (what it presses into clay) and feeders (what
+sets pellets on it).
 
 A file holds what a person reads off the package or measures with a ruler, and the ranges that may be commanded. How the
 tool really behaves is for the models to learn: the studio's world files, which hold it, are never read here.
@@ -24,6 +25,7 @@ PushKind = Literal["push", "pinch"]
 
 _TOOLS: Final = Path(__file__).with_name("tools")
 _END_EFFECTORS: Final = Path(__file__).with_name("end_effectors")
+_FEEDERS: Final = Path(__file__).with_name("feeders")
 _SAME_COLOUR: Final = 0.5 / 255  # half a step of 8-bit sRGB
 
 
@@ -73,6 +75,31 @@ class EndEffector:
     dwell_range_s: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class Feeder:
+    """What sets pellets of the material on the clay and presses them, in SI units."""
+
+    name: str
+    diameter_m: tuple[float, float]
+    """(min, max) of a pellet as a ball."""
+    pressed_share: float
+    """Height above the surface to which a pellet is pressed, as a share of its diameter."""
+
+    @property
+    def volume_m3(self) -> tuple[float, float]:
+        """(min, max) of a pellet."""
+        return ball_m3(self.diameter_m[0]), ball_m3(self.diameter_m[1])
+
+    def press_m(self, volume_m3: float) -> float:
+        """Height above the surface to which a pellet of this volume is pressed."""
+        return float(self.pressed_share * (6.0 * volume_m3 / np.pi) ** (1.0 / 3.0))
+
+
+def ball_m3(diameter_m: float) -> float:
+    """Volume of a ball."""
+    return float(np.pi / 6.0 * diameter_m**3)
+
+
 def load_tool(name_or_path: str | Path) -> Tool:
     """Read a tool by the name of a shipped file (`round_brush`) or by the path of a TOML file.
 
@@ -120,6 +147,23 @@ def load_end_effector(name_or_path: str | Path) -> EndEffector:
     if found.dwell_range_s[0] < 0:
         raise ConfigError(f"{where}: dwell_range begins at {found.dwell_range_s[0]} s; a dwell lasts 0 s or longer.")
     return found
+
+
+def load_feeder(name_or_path: str | Path) -> Feeder:
+    """Read a feeder by the name of a shipped file (`pellets`) or by the path of a TOML file.
+
+    Raises:
+        ConfigError: an unknown name, an unreadable file, or an unknown, missing or bad key.
+    """
+    path, where = find_toml(name_or_path, _FEEDERS, "feeder"), f"Feeder {name_or_path}"
+    feeder = from_table(Feeder, read_toml(path, "feeder"), where)
+    if not feeder.name:
+        raise ConfigError(f"{where}: name must be a non-empty text.")
+    if not 0 < feeder.diameter_m[0] < feeder.diameter_m[1]:
+        raise ConfigError(f"{where}: diameter {list(feeder.diameter_m)} m must rise from above 0.")
+    if not 0 < feeder.pressed_share <= 1:
+        raise ConfigError(f"{where}: pressed_share is {feeder.pressed_share}; it is a share above 0, at most 1.")
+    return feeder
 
 
 def _check(found: Tool | EndEffector, where: str) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.observations import Photo, Scan
-from pentimento.robots.driver import MissingAbilityError, Push
+from pentimento.robots.driver import MissingAbilityError, Place, Push
 from pentimento.robots.tools import EndEffector, Tool
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import load_clay_world
@@ -126,6 +126,9 @@ class VirtualSculptingRobot:
 
     def push(self, push: Push) -> FloatArray:
         return self._studio.push(push.action, push.surface_m, push.speed_m_s, push.dwell_s, push.retract_speed_m_s)
+
+    def place(self, place: Place) -> None:
+        self._studio.place(place.x_m, place.y_m, place.volume_m3, surface_m=place.surface_m, press_m=place.press_m)
 
     def scan(self) -> Scan:
         return self._studio.scan()

@@ -26,6 +26,7 @@ class Item(IntEnum):
     PUSH = 8
     SCAN = 9
     ROOM = 10
+    PLACE = 11
 
 
 def item_rng(seed: int, kind: Item, index: int) -> np.random.Generator:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from pentimento.contracts import frames
@@ -20,6 +21,7 @@ from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.frames import coarsening
 from pentimento.contracts.height_maps import decode_height_m, level, surface_at_m
 from pentimento.contracts.images import recorded_pixels_per_m
+from pentimento.contracts.pushes import PLACE
 from pentimento.contracts.tables import MAX_BAD_SHARE, reason_list, row_fingerprint, row_list
 from pentimento.planning.pushes.holes import fill_holes
 
@@ -105,7 +107,9 @@ class _Row(NamedTuple):
 
 
 def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSamples, Repairs]:
-    """Rows of a table that keeps the ``pushes`` contract, as arrays, and the repairs made.
+    """Pushes and pinches of a table that keeps the ``pushes`` contract, as arrays, and the repairs made.
+
+    Placed pellets are no pushes and are skipped (``planning.pushes.place_fit`` reads them).
 
     Args:
         pixels_per_m: finer scans are averaged down, by one whole factor, to about this.
@@ -114,6 +118,7 @@ def load_pushes(table: pa.Table, pixels_per_m: float = math.inf) -> tuple[PushSa
         ContractError: there is no row, more than 1 % of the rows (and more than one) are unusable, or they differ in
             pixel size.
     """
+    table = table.filter(pc.not_equal(table["kind"], PLACE))
     if table.num_rows == 0:
         raise ContractError("The pushes table has no rows: collect pushes first, or check its quarantine report.")
     loaded: dict[int, _Row] = {}

@@ -89,7 +89,7 @@ def fit_goal(relief: FloatArray, height_m: Array, settings: GoalSettings) -> Goa
         GoalError: shapes differ, a map has holes, heights are not metres, or w_2 outweighs w_1 so that α is unbounded.
     """
     relief = np.asarray(relief, dtype=np.float64)
-    _check(relief, height_m, settings)
+    _check(relief, height_m)
     inside = ~border_mask(height_m.shape, settings.border_share)
     wanted, clay = relief[inside], height_m[inside].astype(np.float64)
     low, extent = float(wanted.min()), float(np.ptp(wanted))
@@ -103,6 +103,29 @@ def fit_goal(relief: FloatArray, height_m: Array, settings: GoalSettings) -> Goa
     alpha = height / extent if extent > 0 else 0.0
     material_share = float(goal.mean() / height_m.mean(dtype=np.float64))
     return GoalFit(goal.astype(np.float32), alpha, shift - alpha * low, int(below.sum()), material_share)
+
+
+def raised_goal(relief: FloatArray, height_m: Array, *, raised_m: float, border_share: float) -> GoalFit:
+    """The goal [H, W] of a relief [H, W] that stands above clay [H, W], for robots that can place material.
+
+    Within the border the relief's lowest point is the clay's mean height, and its highest ``raised_m`` above that.
+
+    Raises:
+        GoalError: as ``fit_goal``; or the height is not above 0, or the relief is flat.
+    """
+    relief = np.asarray(relief, dtype=np.float64)
+    _check(relief, height_m)
+    inside = ~border_mask(height_m.shape, border_share)
+    low, extent = float(relief[inside].min()), float(np.ptp(relief[inside]))
+    if not (raised_m > 0 and extent > 0):
+        raise GoalError(
+            f"A goal above the surface needs a height above 0 (here {raised_m:g} m) and a relief with shape."
+        )
+    beta_m = float(height_m[inside].mean(dtype=np.float64)) - raised_m / extent * low
+    goal = np.array(height_m, dtype=np.float64)
+    goal[inside] = raised_m / extent * relief[inside] + beta_m
+    material_share = float(goal.mean() / height_m.mean(dtype=np.float64))
+    return GoalFit(goal.astype(np.float32), raised_m / extent, beta_m, 0, material_share)
 
 
 def border_mask(shape: tuple[int, ...], share: float) -> NDArray[np.bool_]:
@@ -159,7 +182,7 @@ def _minimum(cost: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def _check(relief: FloatArray, height_m: Array, settings: GoalSettings) -> None:
+def _check(relief: FloatArray, height_m: Array) -> None:
     if relief.shape != height_m.shape or relief.ndim != 2:
         raise GoalError(
             f"The relief has shape {relief.shape} and the clay {height_m.shape}; bring the relief to the scan's grid."

@@ -23,7 +23,7 @@ _ALONG = 0.5
 """Share of the guided candidates that travel along the ridge of excess material. The others head anywhere."""
 _SPREAD = 0.4
 """Standard deviation of the logarithm of a guided candidate's depth, relative to the excess height."""
-_PARENTS = 8
+PARENTS = 8
 """Number of best candidates that are varied in each round."""
 
 
@@ -37,7 +37,7 @@ def best_action(
     actions = candidates(states_m.mean(axis=0), foresight, reach, config, rng)
     values = foresight.values_after(states_m, actions)
     for number in range(config.rounds):
-        parents = actions[np.argsort(values, kind="stable")[:_PARENTS]]
+        parents = actions[np.argsort(values, kind="stable")[:PARENTS]]
         varied = _varied(parents, config.candidates, 0.5**number, reach, rng)
         actions = np.concatenate([actions, varied])
         values = np.concatenate([values, foresight.values_after(states_m, varied)])
@@ -63,7 +63,7 @@ def candidates(
     wanted = np.maximum(excess, 0.0) ** 2 if reach.travels else excess**2
     if guided == 0 or not wanted.any():
         return anywhere
-    rows, columns = _places(wanted, guided, rng)
+    rows, columns = stratified_pixels(wanted, guided, rng)
     end_m = pixel_to_canvas(np.stack([columns, rows], axis=1), window_m, objective.pixels_per_m)
     end_m += rng.uniform(-0.5, 0.5, end_m.shape) / objective.pixels_per_m
     along = _ridge_heading(excess, scale_px)[rows, columns] + rng.normal(0, 0.15, guided)
@@ -96,7 +96,9 @@ def _varied(parents: FloatArray, count: int, share: float, reach: Reach, rng: np
     return reach.keep_within(chosen + share * spread * rng.normal(size=(count, 5)))
 
 
-def _places(wanted: FloatArray, count: int, rng: np.random.Generator) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def stratified_pixels(
+    wanted: FloatArray, count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns in proportion to ``wanted``, by stratified sampling."""
     total = np.cumsum(wanted.ravel())
     drawn = (np.arange(count) + rng.random(count)) / count * total[-1]

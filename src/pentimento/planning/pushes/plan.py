@@ -21,7 +21,8 @@ class PushPlan:
     """Actions and their predicted effect."""
 
     actions: FloatArray
-    """[N, 5], in the order of execution. N is 0 where no action lowers the value."""
+    """[N, 5] pushes, or [N, 3] placed pellets (``place_plan``), in the order of execution. N is 0 where no action
+    lowers the value."""
     predicted_m: Array
     """[N + 1, H, W]: mean over the members of the clay before the first and after each action, metres."""
     values: FloatArray
@@ -83,7 +84,7 @@ def _extended(
     value = foresight.value(states)
     while len(actions) < wanted:
         action, lower = best_action(states, foresight, reach, config=config, rng=rng)
-        if not _helps(value, lower, config):
+        if not helps(value, lower, config):
             break
         actions = np.concatenate([actions, action[None]])
         states, value, foresight = foresight.act(states, action), lower, foresight.following(action[None])
@@ -97,11 +98,12 @@ def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, *
     for action in actions:
         after = foresight.act(states, action)
         lower = foresight.value(after)
-        if _helps(value, lower, config):
+        if helps(value, lower, config):
             states, value, foresight = after, lower, foresight.following(action[None])
             kept.append(action)
     return np.stack(kept) if kept else np.zeros((0, 5))
 
 
-def _helps(value: float, lower: float, config: SculptorConfig) -> bool:
+def helps(value: float, lower: float, config: SculptorConfig) -> bool:
+    """Whether an action that brings the value to ``lower`` is worth it."""
     return lower < value * (1 - config.min_relative_gain)

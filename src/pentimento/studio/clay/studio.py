@@ -16,6 +16,7 @@ from pentimento.studio.clay.motion import (
     executed_line,
     finger_lines,
 )
+from pentimento.studio.clay.pellet import lump_m
 from pentimento.studio.clay.plough import plough, touched
 from pentimento.studio.clay.recovery import draw_peak, elastic_m, firm_m, rise_far, run_off, spring_back
 from pentimento.studio.clay.scanner import calibrated_plane, scan_height_m
@@ -42,6 +43,8 @@ class ClayStudio:
         self.clock_s = 0.0
         self.lost_m3 = 0.0
         """Volume lost to crushed pores since the last smoothing."""
+        self.added_m3 = 0.0
+        """Volume of the pellets since the last smoothing."""
         self._counts = dict.fromkeys(Item, 0)
         self._gears = Gears()
         self._tool_name: str | None = None
@@ -88,39 +91,40 @@ class ClayStudio:
         Returns the encoder readings of the tip, float64[M,5] t_s, x_m, y_m, z_m (above the table), yaw_rad.
         """
         action = _checked(action, (surface_m, speed_m_s, dwell_s, retract_speed_m_s))
-        world, effects, rng = self._world, self._world.effects, self._next(Item.PUSH)
-        tool = self._held()
+        world, rng = self._world, self._next(Item.PUSH)
         command = commanded_line(action, surface_m)
-        line, self._gears = executed_line(command, world.arm, effects, size_m=self.size_m, gears=self._gears, rng=rng)
-        worked = 1.0 - np.exp(-self._strain / world.material.hardening_strain)
-        worked *= effects.work_hardening * world.material.hardening
-        air = self._air(self.clock_s)
-        hardness = self._hardness * hardness_factor(world.material, effects, air, self.clock_s)
-        hardness *= 1.0 + worked
-        rested = 1.0 / (1.0 + effects.dwell_creep * world.material.creep * math.log1p(dwell_s))
-        wider = 1.0 + effects.speed_footprint * world.material.wake * math.tanh(
+        wider = 1.0 + world.effects.speed_footprint * world.material.wake * math.tanh(
             math.log(speed_m_s / REFERENCE_SPEED_M_S)
         )
-        pre, volume = self._height.copy(), np.zeros(2)
-        contacts = [
-            self._plough(
-                tool,
-                wider,
-                self._cells(finger),
-                heading=heading * (1, -1),
-                pre=pre,
-                hardness=hardness,
-                rested=rested,
-                volume=volume,
-            )
-            for finger, heading in finger_lines(tool, line, action)
-        ]
-        travel = np.array([math.cos(action[2]), -math.sin(action[2])])
-        self._recover(pre, worked, volume, travel if tool.spread_m == 0.0 else 0.0 * travel, dwell_s)
-        self._retract(contacts, dwell_s, retract_speed_m_s)
-        self._settle(pre, rng)
+        self._press(
+            self._held(), command, action, rng=rng, wider=wider, dwell_s=dwell_s, retract_speed_m_s=retract_speed_m_s
+        )
         self.clock_s += world.arm.travel_s + action[3] / speed_m_s + dwell_s + 0.02 / retract_speed_m_s
         return encoder_path(command, action, speed_m_s, world.arm, rng)
+
+    def place(self, x_m: float, y_m: float, volume_m3: float, *, surface_m: float, press_m: float) -> None:
+        """Set a pellet of fresh material and press it with the pad to `press_m` above a surface of this height.
+
+        The pellet is an oval lump of about that volume, about there. What the pad displaces heaps up around it, loses
+        pores, springs back and slides as after a push.
+        """
+        _check_place((x_m, y_m, volume_m3, surface_m, press_m), self.size_m)
+        pellets, rng = self._world.pellets, self._next(Item.PLACE)
+        volume = volume_m3 * math.exp(pellets.volume_spread * rng.standard_normal())
+        middle = np.array([[x_m, y_m, 0.0]])
+        middle[0, :2] += pellets.place_error_m * rng.standard_normal(2)
+        column, row, _ = self._cells(middle)[0]
+        ratio = math.exp(0.5 * pellets.oval * rng.standard_normal())
+        lump = lump_m(self._shape, (column, row), volume, ratio, rng.uniform(0.0, math.pi), self._cell_m)
+        self._height += lump
+        self.added_m3 += float(lump.sum()) * self._cell_m**2
+        top_m = float(self._height[lump > 0.0].max())
+        action = np.array([x_m, y_m, 0.0, 0.0, max(top_m - surface_m - press_m, 0.0)])
+        self._press(
+            pellets.pad, commanded_line(action, top_m), action, rng=rng, wider=1.0, dwell_s=pellets.dwell_s,
+            retract_speed_m_s=pellets.speed_m_s, laid=lump > 0.0,
+        )  # fmt: skip
+        self.clock_s += pellets.set_s + 2 * action[4] / pellets.speed_m_s + pellets.dwell_s
 
     def scan(self) -> Scan:
         """Scan the slab."""
@@ -169,12 +173,57 @@ class ClayStudio:
         self._hardness = material.hardness_pa * np.exp(material.mottle * mottle)
         self._rest_slope = np.maximum(1.0 + 0.07 * smooth_field(self._shape, 0.002 / self._cell_m, rng), 0.7)
         self._strain = np.zeros(self._shape)
-        self.lost_m3 = 0.0
+        self.lost_m3 = self.added_m3 = 0.0
 
     def _cells(self, line: Array) -> Array:
         """A line float64[M,3] x_m, y_m, z_m as column, row, z_m."""
         column, row = line[:, 0] / self._cell_m - 0.5, (self.size_m[1] - line[:, 1]) / self._cell_m - 0.5
         return np.column_stack([column, row, line[:, 2]])
+
+    def _press(
+        self,
+        tool: ToolShape,
+        command: Array,
+        action: Array,
+        *,
+        rng: np.random.Generator,
+        wider: float,
+        dwell_s: float,
+        retract_speed_m_s: float,
+        laid: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Press the tool along a commanded line and let the material come to rest.
+
+        laid: bool[H,W], where a pellet was just laid: it settles even where the tool leaves it, and what it loses to
+        its sides does not rise far away, for it lies on the surface.
+        """
+        world, effects = self._world, self._world.effects
+        line, self._gears = executed_line(command, world.arm, effects, size_m=self.size_m, gears=self._gears, rng=rng)
+        worked = 1.0 - np.exp(-self._strain / world.material.hardening_strain)
+        worked *= effects.work_hardening * world.material.hardening
+        air = self._air(self.clock_s)
+        hardness = self._hardness * hardness_factor(world.material, effects, air, self.clock_s)
+        hardness *= 1.0 + worked
+        rested = 1.0 / (1.0 + effects.dwell_creep * world.material.creep * math.log1p(dwell_s))
+        pre, volume = self._height.copy(), np.zeros(2)
+        contacts = [
+            self._plough(
+                tool,
+                wider,
+                self._cells(finger),
+                heading=heading * (1, -1),
+                pre=pre,
+                hardness=hardness,
+                rested=rested,
+                far_share=0.0 if laid is not None else min(effects.far_field * world.material.far_share, 1.0),
+                volume=volume,
+            )
+            for finger, heading in finger_lines(tool, line, action)
+        ]
+        travel = np.array([math.cos(action[2]), -math.sin(action[2])])
+        self._recover(pre, worked, volume, travel if tool.spread_m == 0.0 else 0.0 * travel, dwell_s)
+        self._retract(contacts, dwell_s, retract_speed_m_s)
+        self._settle(pre, rng, laid)
 
     def _plough(
         self,
@@ -186,6 +235,7 @@ class ClayStudio:
         pre: Array,
         hardness: Array,
         rested: float,
+        far_share: float,
         volume: Array,
     ) -> NDArray[np.bool_]:
         """Plough with one finger; returns where it touches at the end."""
@@ -201,7 +251,7 @@ class ClayStudio:
             self._height, pre, hardness, self._strain, line, heading, shape, self._cell_m,
             world.arm.give_m_per_n, world.material.firming_m, world.material.rim_m, world.material.bow_wave,
             min(effects.volume_loss * world.material.crush, 1.0), world.material.crushing_strain,
-            min(effects.far_field * world.material.far_share, 1.0), rested, RESTING_STEPS, volume,
+            far_share, rested, RESTING_STEPS, volume,
         )  # fmt: skip
         resting = np.array([line[-1, 0], line[-1, 1], tips[-1]])
         return touched(self._height, resting, heading, shape, self._cell_m)
@@ -232,10 +282,12 @@ class ClayStudio:
         for contact in contacts:
             self._height = draw_peak(self._height, contact, peak_m, self._cell_m)
 
-    def _settle(self, pre: Array, rng: np.random.Generator) -> None:
+    def _settle(self, pre: Array, rng: np.random.Generator, laid: NDArray[np.bool_] | None) -> None:
         """Steep slopes run off, the touched surface gets rough, and material around the contact is worked, too."""
         material, effects = self._world.material, self._world.effects
         changed = np.abs(self._height - pre) > TOUCHED_M
+        if laid is not None:
+            changed |= laid
         if changed.any():
             tear = material.tear_m * smooth_field(self._shape, 2.5e-3 / self._cell_m, rng)
             self._height += np.where(changed, tear - tear[changed].mean(), 0.0)
@@ -258,3 +310,13 @@ def _checked(action: Array, others: tuple[float, float, float, float]) -> Array:
             f"speeds above 0 and a dwell from 0; got {action.tolist()} and {others}."
         )
     return action
+
+
+def _check_place(numbers: tuple[float, ...], size_m: tuple[float, float]) -> None:
+    x_m, y_m, volume_m3, surface_m, press_m = numbers
+    fine = all(math.isfinite(number) for number in numbers) and volume_m3 > 0 and surface_m > 0 and press_m >= 0
+    if not fine or not (0 <= x_m <= size_m[0] and 0 <= y_m <= size_m[1]):
+        raise ContractError(
+            f"A pellet needs a place x, y in the tray of {size_m} m, a volume and a surface above 0 and a height from "
+            f"0 to press it to; got {numbers}."
+        )

@@ -133,6 +133,19 @@ class ToolShape:
 
 
 @dataclass(frozen=True)
+class Pellets:
+    """What sets pellets of the material on the slab: its errors, and the pad that presses them flat."""
+
+    volume_spread: float  # relative error of a pellet's volume (standard deviation)
+    place_error_m: float  # of each coordinate (standard deviation)
+    oval: float  # relative difference of a pellet's two widths (standard deviation)
+    pad: ToolShape
+    speed_m_s: float  # at which the pad is lowered and lifted
+    dwell_s: float  # rest of the pad on the pellet
+    set_s: float  # time for a pellet, without the motion of the pad
+
+
+@dataclass(frozen=True)
 class ClayWorld:
     """Everything that is true of the clay and unknown to the robot."""
 
@@ -143,6 +156,7 @@ class ClayWorld:
     room: Room
     effects: ClayEffects
     tools: dict[str, ToolShape]
+    pellets: Pellets
 
 
 def load_clay_world(name_or_path: str | Path) -> ClayWorld:
