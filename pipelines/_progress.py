@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from pentimento.contracts.atomic import atomic_write
 
@@ -98,12 +97,8 @@ def failure_sentence_in(lines: Sequence[str]) -> str:
     return (own or said or ["It ended without a word."])[-1]
 
 
-def newest_picture(folder: Path, locked: Mapping[str, Any]) -> Path | None:
-    """Return the newest PNG among the outputs of a stage's entry in dvc.lock; None where there is none.
-
-    A picture at the top of an output comes before those in its folders.
-    """
-    outs = [folder / out["path"] for out in locked.get("outs", [])]
+def newest_picture(outs: Sequence[Path]) -> Path | None:
+    """Return the newest PNG among a stage's outputs, those at their top before those in their folders; None if none."""
     for pattern in ("*.png", "**/*.png"):
         found = [file for out in outs if out.is_dir() for file in out.glob(pattern)]
         if found:

@@ -10,8 +10,8 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from subprocess import PIPE, STDOUT
@@ -32,7 +32,7 @@ from pipelines._progress import (
     write_durations,
 )
 from pipelines._progress_views import View
-from pipelines._tracking.dvc_files import locked_stages
+from pipelines._tracking.dvc_files import outputs_by_stage
 
 _POLL_S = 0.1
 _EDGE = re.compile(r'^\s*"([^"]+)" -> "([^"]+)";$', re.MULTILINE)
@@ -95,7 +95,8 @@ class _Running:
     process: Process
     reader: threading.Thread
     started: float
-    lines: list[str] = field(default_factory=list)
+    lines: list[str]
+    """Printed so far."""
 
 
 def _run_all(reads: Reads, known: list[str], folder: Path, view: View) -> int:
@@ -105,9 +106,10 @@ def _run_all(reads: Reads, known: list[str], folder: Path, view: View) -> int:
     """
     os.environ["OMP_WAIT_POLICY"] = "PASSIVE"  # threads that spin while they wait take the other stage's core
     os.environ["PYTHONUNBUFFERED"] = "1"  # or the output of a stage arrives in one piece when it ends
-    durations, order, locked = read_durations(folder), in_order(reads), locked_stages(folder)
+    durations, order = read_durations(folder), in_order(reads)
+    outs = {name: [folder / path for path in paths] for name, paths in outputs_by_stage(folder).items()}
     rows = {name: Row(name, State.WAITING, expected_s=durations.get(name)) for name in order}
-    unchanged = {name: newest_picture(folder, locked.get(name, {})) for name in known if name not in rows}
+    unchanged = {name: newest_picture(outs.get(name, ())) for name in known if name not in rows}
     rows |= {name: Row(name, State.UNCHANGED, picture=picture) for name, picture in unchanged.items()}
     running, processes = dict[str, _Running](), list[Process]()
     status = 0
@@ -131,9 +133,9 @@ def _run_all(reads: Reads, known: list[str], folder: Path, view: View) -> int:
                 status = abs(stage.process.returncode) or status
                 if received:  # it was stopped
                     break
-                rows[name] = _ended(rows[name], stage, folder)
+                rows[name] = _ended(rows[name], stage, outs.get(name, ()))
                 if rows[name].state is State.FAILED:
-                    view.rows([*rows.values()], None)
+                    view.rows([_stopped(row) for row in rows.values()], None)
                     view.failed(name, failure_sentence_in(stage.lines), _log_of(folder, name), stage.lines)
         if not received:  # else the signal was forwarded
             send(processes, signal.SIGTERM)
@@ -165,10 +167,15 @@ def _start(name: str, folder: Path, view: View) -> _Running:
     return _Running(process, reader, time.monotonic(), lines)
 
 
-def _ended(row: Row, stage: _Running, folder: Path) -> Row:
+def _stopped(row: Row) -> Row:
+    """A stage that is stopped because another one failed starts again in the next run."""
+    return replace(row, state=State.WAITING, seconds=None) if row.state is State.RUNNING else row
+
+
+def _ended(row: Row, stage: _Running, outs: Sequence[Path]) -> Row:
     state = ended_state(stage.process.returncode, stage.lines)
     seconds = None if state is State.UNCHANGED else time.monotonic() - stage.started
-    picture = None if state is State.FAILED else newest_picture(folder, locked_stages(folder).get(row.stage, {}))
+    picture = None if state is State.FAILED else newest_picture(outs)
     return replace(row, state=state, seconds=seconds, picture=picture)
 
 

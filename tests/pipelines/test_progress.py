@@ -81,10 +81,10 @@ def test_the_newest_picture_is_looked_for_at_the_top_of_the_outputs(tmp_path: Pa
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes(b"")
         os.utime(tmp_path / name, (number, number))
-    entry = {"outs": [{"path": "out"}, {"path": "gone"}]}
-    assert newest_picture(tmp_path, entry) == tmp_path / "out/b.png"
-    assert newest_picture(tmp_path, {"outs": [{"path": "other"}]}) == tmp_path / "other/frames/d.png"
-    assert newest_picture(tmp_path, {}) is None
+    out, other = tmp_path / "out", tmp_path / "other"
+    assert newest_picture([out, tmp_path / "gone"]) == out / "b.png"
+    assert newest_picture([other]) == other / "frames/d.png"
+    assert newest_picture([]) is None
 
 
 def test_the_table_shows_every_state() -> None:
