@@ -124,7 +124,7 @@ def test_where_stdout_is_no_terminal_lines_are_plain() -> None:
 
 STAGES = """stages:
   one: {cmd: echo painted && mkdir out && touch out/a.png, outs: [out]}
-  two: {cmd: ls out && echo 'two: no sheet; lay one.' && exit 3, deps: [out], outs: [never]}
+  two: {cmd: "ls out && echo 'two: no sheet; lay one.' && exit 3", deps: [out], outs: [never]}
   aside: {cmd: echo beside > aside, outs: [aside]}
 """
 
@@ -157,12 +157,17 @@ def test_machines_read_every_change_of_state_and_why_a_stage_failed(
     assert (folder / LOGS / "one.log").is_file()
     assert set(read_durations(folder)) == {"one", "aside"}
 
-    (folder / "dvc.yaml").write_text(STAGES.replace("exit 3", "touch never"))
+
+def test_what_is_up_to_date_is_unchanged(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    first, second = "stages:\n  one: {cmd: touch out, outs: [out]}\n", "  two: {cmd: touch late, outs: [late]}\n"
+    (folder / "dvc.yaml").write_text(first)
+    assert bring_up_to_date(folder, PlainLines()) == 0
+    (folder / "dvc.yaml").write_text(first + second)
+    capfd.readouterr()
     assert bring_up_to_date(folder, JsonLines()) == 0
-    again = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
-    states = [(each["stage"], each["state"]) for each in again if each["event"] == "stage"]
-    assert states[0] == ("two", "running") and states[-1] == ("two", "done")
-    assert set(states[1:-1]) == {("one", "unchanged"), ("aside", "unchanged")}
+    events = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
+    states = [(each["stage"], each["state"]) for each in events if each["event"] == "stage"]
+    assert states == [("two", "running"), ("one", "unchanged"), ("two", "done")]
     assert bring_up_to_date(folder, JsonLines()) == 0
     assert json.loads(capfd.readouterr().out) == {"event": "note", "sentence": "Data and pipelines are up to date."}
 
