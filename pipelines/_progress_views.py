@@ -1,4 +1,4 @@
-"""How the progress of `make repro` is shown: a live table on a terminal, plain lines elsewhere, JSON for machines."""
+"""How the progress of `make repro` is shown: a table on a terminal, plain lines in a file, JSON for machines."""
 
 import json
 import sys
@@ -192,7 +192,7 @@ def _rounded(seconds: float | None) -> float | None:
 
 @contextmanager
 def opened_view(as_json: bool) -> Iterator[View]:
-    """Yield the view that suits: JSON where it is wanted, the table on a terminal, plain lines elsewhere."""
+    """Yield the view that suits: JSON where it is wanted, the table on a terminal, else plain lines."""
     if as_json:
         yield JsonLines()
     elif not sys.stdout.isatty():

@@ -2,8 +2,8 @@
 
     python -m pipelines._repro [PROFILE] [--json]
 
-On a terminal a table shows how the stages are doing, and the report opens in the browser, where there is one; elsewhere
-the stages' own lines are printed. With `--json` every line is a JSON object.
+On a terminal a table shows how the stages are doing, and the report opens in the browser, where there is one. Where the
+output is no terminal, the stages' own lines are printed. With `--json` every line is a JSON object.
 
 A profile (`profiles/<name>.yaml`) overlays params.yaml. It runs in `.profiles/<name>/`, a copy of the files that git
 tracks or would add, with the same DVC cache and MLflow store, so that the working tree stays clean. Where there is a
@@ -99,7 +99,7 @@ def _run(root: Path, profile: str | None, view: View) -> int:
 
 
 def open_report(page: Path) -> None:
-    """Open the report in a browser with a window, where a person sits at a terminal; elsewhere do nothing."""
+    """Open the report in a browser with a window, where a person sits at a terminal; else do nothing."""
     shown = sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (sys.stdout.isatty() and shown) or os.environ.get("CI"):
         return
