@@ -1,6 +1,6 @@
 """Stories drawn in turns in the studio: a person begins, the robot continues (thesis 6.6.2)."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from pentimento.bundle.vocabulary import Vocabulary
 from pentimento.control.guard import GuardedRobot
 from pentimento.control.safety import envelope_for
 from pentimento.copainting.evaluation.codraw import Codrawing, Story, Turn, codraw
-from pentimento.copainting.evaluation.goal_plans import PaintContext
+from pentimento.copainting.evaluation.goal_plans import Medium, PaintContext
 from pentimento.copainting.evaluation.methods import complete_requests
 from pentimento.copainting.goal.planner import SeededSampling, load_goal_planner
 from pentimento.robots.driver import Robot
@@ -19,6 +19,15 @@ from pentimento.studio.strokes.studio import Studio
 from pentimento.studio.strokes.world import load_world
 
 Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class EvaluatedSetting:
+    """What the robot draws with in one setting, and where."""
+
+    world: str
+    """The studio's, in which person and robot draw in turns."""
+    medium: Medium
 
 
 def play(

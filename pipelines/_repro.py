@@ -1,6 +1,9 @@
 """`make repro`: run DVC, restore outputs that a failure left missing, print where the report is.
 
-    python -m pipelines._repro [PROFILE]
+    python -m pipelines._repro [PROFILE] [--json]
+
+On a terminal a table shows how the stages are doing, and the report opens in the browser, where there is one. Where the
+output is no terminal, the stages' own lines are printed. With `--json` every line is a JSON object.
 
 A profile (`profiles/<name>.yaml`) overlays params.yaml. It runs in `.profiles/<name>/`, a copy of the files that git
 tracks or would add, with the same DVC cache and MLflow store, so that the working tree stays clean. Where there is a
@@ -13,6 +16,8 @@ import shutil
 import subprocess
 import sys
 import time
+import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -23,6 +28,7 @@ from pipelines._deps import name_files
 from pipelines._dvc import put_aside_broken_lock, run_dvc
 from pipelines._io import end_with_parent
 from pipelines._params import Params, overlaid, read_yaml
+from pipelines._progress_views import View, opened_view
 from pipelines._review.agreement import link
 from pipelines._review.champions import register
 from pipelines._side_by_side import bring_up_to_date
@@ -37,58 +43,83 @@ STATUS = {0: "FINISHED", 130: "KILLED", 143: "KILLED"}  # of MLflow, by exit sta
 
 def main(arguments: list[str]) -> int:
     """Return the exit status of `make repro`."""
-    if len(arguments) > 1:
+    profiles = [each for each in arguments if each != "--json"]
+    if len(profiles) > 1:
         print(__doc__, file=sys.stderr)
         return 2
     end_with_parent()
-    root = Path.cwd()
-    profile = arguments[0] if arguments else None
+    with opened_view("--json" in arguments) as view:
+        return _run(Path.cwd(), profiles[0] if profiles else None, view)
+
+
+def _run(root: Path, profile: str | None, view: View) -> int:
     os.environ.setdefault("MLFLOW_TRACKING_URI", f"sqlite:///{root / 'mlflow.db'}")
     os.environ["PENTIMENTO_PROFILE"] = profile or "default"
     try:
         folder = overlay(root, profile) if profile else root
         put_aside_broken_lock(folder)
-        name_files_of(folder)
+        name_files_of(folder, view.note)
     except (PentimentoError, OSError) as error:
         print(f"make repro: {error}", file=sys.stderr)
+        view.end(1, None)
         return 1
     started = time.time()
     execution = f"{profile or 'default'} · {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(started))}"
     os.environ[VARIABLE] = execution
     try:
-        status = bring_up_to_date(folder)
+        status = bring_up_to_date(folder, view)
     except KeyboardInterrupt:  # no stage had begun
         status = 130
+    ran = _ran_since(folder, started)
     try:
-        if status != 0 or _ran_since(folder, started):
+        if status != 0 or ran:
             link(folder, execution, STATUS.get(status, "FAILED"))
             if status == 0 and profile is None:  # models of other profiles are not registered
-                print("", *register(folder), sep="\n")
+                view.note("\n".join(["", *register(folder)]))
     except PentimentoError as error:  # the outputs are complete; only links in MLflow are missing
         print(f"make repro: {error}", file=sys.stderr)
     if status != 0:
         restore_missing(folder)
+        view.end(status, None)
         print(
             "\nThe pipeline did not finish. Earlier outputs are in place; `make repro` goes on from here.",
             file=sys.stderr,
         )
         return status
-    print(f"\nThe report:  {(folder / 'data/report/index.html').relative_to(root)}")
+    report = folder / "data/report/index.html"
+    view.note(f"\nThe report:  {report.relative_to(root)}")
     store = os.environ["MLFLOW_TRACKING_URI"]
-    print(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
-    print("             then open http://127.0.0.1:5000 and choose Model training")
-    print("What changed: .venv/bin/python -m pipelines.compare --last 2")
+    view.note(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
+    view.note("             then open http://127.0.0.1:5000 and choose Model training")
+    view.note("What changed: .venv/bin/python -m pipelines.compare --last 2")
+    view.end(0, report.relative_to(root))
+    if ran:
+        open_report(report)
     return 0
 
 
-def name_files_of(folder: Path) -> None:
+def open_report(page: Path) -> None:
+    """Open the report in a browser with a window, where a person sits at a terminal; else do nothing."""
+    shown = sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if not (sys.stdout.isatty() and shown) or os.environ.get("CI"):
+        return
+    try:
+        browser = webbrowser.get()
+    except webbrowser.Error:
+        return  # there is none; the path is printed
+    in_the_terminal = type(browser) is webbrowser.GenericBrowser  # such as lynx, which would take the terminal over
+    if not in_the_terminal:
+        browser.open(page.resolve().as_uri())
+
+
+def name_files_of(folder: Path, note: Callable[[str], None]) -> None:
     """Let the stages depend on the files that params.yaml names, so that DVC notices when one has changed."""
     try:
         changed = name_files(folder)
     except (ConfigError, OSError, KeyError, TypeError, AttributeError, YAMLError):
         return  # of files that DVC cannot read either, DVC reports what is wrong
     if changed:
-        print(f"make repro: the files that params.yaml names were written into {folder / 'dvc.yaml'} as dependencies.")
+        note(f"make repro: the files that params.yaml names were written into {folder / 'dvc.yaml'} as dependencies.")
 
 
 def _ran_since(folder: Path, started: float) -> bool:

@@ -62,7 +62,7 @@ def _run(root: Path, target: str, profile: str | None, *, group: str, number: in
     params = reseeded(overlaid(root, profile) if profile else read_yaml(root / "params.yaml"), _stage(target), number)
     folder = overlay_with(root, f"{profile or 'default'}.seed{number}", params, profile)
     put_aside_broken_lock(folder)
-    name_files_of(folder)
+    name_files_of(folder, print)
     execution = f"{group} · {number}"
     os.environ |= {VARIABLE: execution, GROUP_VARIABLE: group, SEED_VARIABLE: str(number)}
     try:

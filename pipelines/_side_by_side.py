@@ -10,26 +10,47 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from subprocess import PIPE, STDOUT
 from typing import IO, cast
 
 from pipelines._dvc import Process, ask_dvc, run_dvc, send, signals_passed_on, start_dvc
+from pipelines._progress import (
+    AT_ONCE,
+    LOGS,
+    Reads,
+    Row,
+    State,
+    ended_state,
+    failure_sentence_in,
+    newest_picture,
+    read_durations,
+    remaining_s,
+    write_durations,
+)
+from pipelines._progress_views import View
+from pipelines._tracking.dvc_files import outputs_by_stage
 
-AT_ONCE = 2
-Reads = Mapping[str, frozenset[str]]
-"""By stage: the stages whose outputs it reads."""
 _POLL_S = 0.1
 _EDGE = re.compile(r'^\s*"([^"]+)" -> "([^"]+)";$', re.MULTILINE)
+_NODE = re.compile(r'^\s*"([^"]+)"', re.MULTILINE)
 
 
-def bring_up_to_date(folder: Path) -> int:
+def bring_up_to_date(folder: Path, view: View) -> int:
     """Run the out-of-date stages of the pipeline in `folder`; return DVC's exit status, 130 or 143 after a signal."""
-    stages = out_of_date(json.loads(ask_dvc(["status", "--json"], folder) or "{}"), ask_dvc(["dag", "--dot"], folder))
-    # Where nothing is to be done or the pipeline is invalid (a cycle, an unreadable file), DVC reports it.
-    return _run_all(stages, folder) if stages else run_dvc(["repro"], folder)
+    status = ask_dvc(["status", "--json"], folder)
+    if not status:  # the pipeline is invalid (a cycle, an unreadable file): DVC reports it
+        return run_dvc(["repro"], folder)
+    changed = [name for name in json.loads(status) if not _of_other_pipeline(name)]
+    if not changed:
+        view.note("Data and pipelines are up to date.")
+        return 0
+    dot = ask_dvc(["dag", "--dot"], folder)
+    known = [name for name in dict.fromkeys(_NODE.findall(dot)) if not _of_other_pipeline(name)]
+    return _run_all(out_of_date(dict.fromkeys(changed), dot), known, folder, view)
 
 
 def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
@@ -45,7 +66,7 @@ def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
         The graph of the pipeline (`dvc dag --dot`), with edges from a stage to those that read it.
     """
     edges = _EDGE.findall(dot)
-    found, new = set[str](), {name for name in changed if ":" not in name}
+    found, new = set[str](), {name for name in changed if not _of_other_pipeline(name)}
     while new:
         found |= new
         new = {reader for stage, reader in edges if stage in found} - found
@@ -62,42 +83,101 @@ def in_order(reads: Reads) -> list[str]:
     return sorted(reads, key=lambda name: (-below(name), name))
 
 
-def _run_all(reads: Reads, folder: Path) -> int:
-    """Run the stages, `AT_ONCE` at a time, until all are done or one has failed; then the others are stopped."""
+def _of_other_pipeline(name: str) -> bool:
+    """Whether a stage is of a dvc.yaml in another folder."""
+    return ":" in name
+
+
+@dataclass(frozen=True)
+class _Running:
+    """A stage that runs."""
+
+    process: Process
+    reader: threading.Thread
+    started: float
+    lines: list[str]
+    """Printed so far."""
+
+
+def _run_all(reads: Reads, known: list[str], folder: Path, view: View) -> int:
+    """Run the stages of `reads`, `AT_ONCE` at a time, until all are done or one has failed; then stop the other.
+
+    Those of the stages `known` that are not in `reads` are up to date.
+    """
     os.environ["OMP_WAIT_POLICY"] = "PASSIVE"  # threads that spin while they wait take the other stage's core
     os.environ["PYTHONUNBUFFERED"] = "1"  # or the output of a stage arrives in one piece when it ends
-    waiting, done, running = in_order(reads), set[str](), dict[str, Process]()
-    readers: list[threading.Thread] = []
+    durations, order = read_durations(folder), in_order(reads)
+    outs = {name: [folder / path for path in paths] for name, paths in outputs_by_stage(folder).items()}
+    rows = {name: Row(name, State.WAITING, expected_s=durations.get(name)) for name in order}
+    unchanged = {name: newest_picture(outs.get(name, ())) for name in known if name not in rows}
+    rows |= {name: Row(name, State.UNCHANGED, picture=picture) for name, picture in unchanged.items()}
+    running, processes = dict[str, _Running](), list[Process]()
     status = 0
-    with signals_passed_on(running.values()) as received:
-        while (waiting or running) and status == 0 and not received:
+    with signals_passed_on(processes) as received:
+        while status == 0 and not received:
+            done = {name for name, row in rows.items() if row.state in (State.DONE, State.UNCHANGED)}
+            waiting = [name for name in order if rows[name].state is State.WAITING]
             ready = [name for name in waiting if reads[name] <= done]
             for name in ready[: AT_ONCE - len(running)]:
-                arguments = ["--wait-for-lock", "repro", "--single-item", name]
-                running[name] = start_dvc(arguments, folder, stdout=PIPE, stderr=STDOUT)
-                readers.append(_forwarding(running[name], name))
-                waiting.remove(name)
+                running[name] = _start(name, folder, view)
+                processes.append(running[name].process)
+            for name, stage in running.items():
+                rows[name] = replace(rows[name], state=State.RUNNING, seconds=time.monotonic() - stage.started)
+            view.rows([*rows.values()], remaining_s([*rows.values()], reads))
+            if not running:
+                break
             time.sleep(_POLL_S)
-            for name in [name for name, process in running.items() if process.poll() is not None]:
-                status = abs(running.pop(name).returncode) or status
-                done.add(name)
+            for name in [name for name, stage in running.items() if stage.process.poll() is not None]:
+                stage = running.pop(name)
+                stage.reader.join()
+                status = abs(stage.process.returncode) or status
+                if received:  # it was stopped
+                    break
+                rows[name] = _ended(rows[name], stage, outs.get(name, ()))
+                if rows[name].state is State.FAILED:
+                    view.rows([_stopped(row) for row in rows.values()], None)
+                    view.failed(name, failure_sentence_in(stage.lines), _log_of(folder, name), stage.lines)
         if not received:  # else the signal was forwarded
-            send(running.values(), signal.SIGTERM)
-        for process in running.values():
-            process.wait()
-    for reader in readers:
-        reader.join()
+            send(processes, signal.SIGTERM)
+        for stage in running.values():
+            stage.process.wait()
+            stage.reader.join()
+    taken = {row.stage: row.seconds for row in rows.values() if row.state is State.DONE and row.seconds is not None}
+    write_durations(folder, durations | taken)
     return 128 + received[0] if received else status
 
 
-def _forwarding(process: Process, name: str) -> threading.Thread:
-    """Print the output of a stage, each line after the stage's name."""
+def _start(name: str, folder: Path, view: View) -> _Running:
+    """Start a stage; what it prints goes to the view, to its log and into `lines`."""
+    process = start_dvc(["--wait-for-lock", "repro", "--single-item", name], folder, stdout=PIPE, stderr=STDOUT)
+    lines: list[str] = []
+    log = _log_of(folder, name)
+    log.parent.mkdir(parents=True, exist_ok=True)
 
     def forward() -> None:
-        with cast(IO[bytes], process.stdout) as lines:
-            for line in lines:
-                print(f"{name} | {line.decode(errors='replace')}", end="", flush=True)
+        with cast(IO[bytes], process.stdout) as printed, log.open("w", encoding="utf-8") as kept:
+            for line in printed:
+                text = line.decode(errors="replace").rstrip("\n")
+                lines.append(text)
+                print(text, file=kept, flush=True)
+                view.output(name, text)
 
-    thread = threading.Thread(target=forward)
-    thread.start()
-    return thread
+    reader = threading.Thread(target=forward)
+    reader.start()
+    return _Running(process, reader, time.monotonic(), lines)
+
+
+def _stopped(row: Row) -> Row:
+    """A stage that is stopped because another one failed starts again in the next run."""
+    return replace(row, state=State.WAITING, seconds=None) if row.state is State.RUNNING else row
+
+
+def _ended(row: Row, stage: _Running, outs: Sequence[Path]) -> Row:
+    state = ended_state(stage.process.returncode, stage.lines)
+    seconds = None if state is State.UNCHANGED else time.monotonic() - stage.started
+    picture = None if state is State.FAILED else newest_picture(outs)
+    return replace(row, state=state, seconds=seconds, picture=picture)
+
+
+def _log_of(folder: Path, name: str) -> Path:
+    return folder / LOGS / f"{name}.log"

@@ -62,7 +62,7 @@ from pentimento.copainting.sheets import side_by_side
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
-from pipelines._play import play
+from pipelines._play import EvaluatedSetting, play
 from pipelines._tracking import tracked_run
 
 Pictures = NDArray[np.uint8]
@@ -81,15 +81,6 @@ class FigureCounts:
 
     def __post_init__(self) -> None:
         at_least(self, 1, "method_rows", "preference_prompts")
-
-
-@dataclass(frozen=True)
-class EvaluatedSetting:
-    """What the robot draws with in one setting, and where."""
-
-    world: str
-    """The studio's, in which person and robot draw in turns."""
-    medium: Medium
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pentimento.report.benchmarks import read_benchmarks
 from pentimento.report.by_meaning import read_meanings
 from pentimento.report.copainting import read_copainting
 from pentimento.report.diagnoses import read_diagnosis
+from pentimento.report.duet import read_duet
 from pentimento.report.files import read_json
 from pentimento.report.handwriting import read_handwriting
 from pentimento.report.page import ReportConfig, ReportInputs, build_report
@@ -51,6 +52,7 @@ def main(arguments: argparse.Namespace) -> None:
         "trajvae": arguments.models / "trajvae/weights" if drawings else None,
         "demonstrations": arguments.demonstrations,
         "performances": arguments.performances,
+        "duet": arguments.duet,
         "benchmarks": arguments.benchmarks,
     }
     inputs |= {name: path for name, path in single.items() if path is not None}
@@ -60,6 +62,7 @@ def main(arguments: argparse.Namespace) -> None:
             tools=[read_tool(tool, strokes[tool], weights[tool], config.strokes) for tool in arguments.tools],
             benchmarks=read_benchmarks(arguments.benchmarks) if arguments.benchmarks else None,
             meanings=read_meanings(arguments.meanings) if arguments.meanings else (),
+            duet=read_duet(arguments.duet) if arguments.duet else None,
             diagnoses=[read_diagnosis(tool, gap, recorded=_is_recorded(strokes[tool])) for tool, gap in gaps.items()],
             plans=[read_painting_plan(tool, folder) for tool, folder in plans.items()],
             handwriting=read_handwriting(
@@ -94,6 +97,7 @@ if __name__ == "__main__":
     parser.add_argument("--plans", type=Path, help="folder of a plan for each recorded tool")
     parser.add_argument("--paintings", type=Path)
     parser.add_argument("--meanings", type=Path, help="paintings by meaning")
+    parser.add_argument("--duet", type=Path, help="the sheet that was drawn in turns")
     parser.add_argument("--evaluations", type=Path, help="folder of an evaluation for each setting")
     parser.add_argument("--performances", type=Path, help="what the bundle painted")
     parser.add_argument("--sculptures", type=Path, help="folder of a sculpture for each material")

@@ -9,12 +9,15 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from pipelines._params import read_yaml, sections_of
+from pipelines._params import Params, read_yaml, sections_of
 
 
 def matrix_items(folder: Path, stage: str) -> dict[str, list[str]]:
     """Return the items of a stage by axis of its matrix in dvc.yaml, with references to `vars` resolved."""
-    document = read_yaml(folder / "dvc.yaml")
+    return _axes(read_yaml(folder / "dvc.yaml"), stage)
+
+
+def _axes(document: Params, stage: str) -> dict[str, list[str]]:
     lists = {f"${{{name}}}": listed for each in document.get("vars", []) for name, listed in each.items()}
     matrix = document.get("stages", {}).get(stage, {}).get("matrix", {})
     return {axis: lists[items] if isinstance(items, str) else items for axis, items in matrix.items()}
@@ -22,18 +25,28 @@ def matrix_items(folder: Path, stage: str) -> dict[str, list[str]]:
 
 def outputs(folder: Path) -> list[str]:
     """Return every path that the stages of dvc.yaml write, and those that an earlier dvc.yaml wrote (by dvc.lock)."""
-    found: dict[str, None] = {}
-    for name, stage in read_yaml(folder / "dvc.yaml").get("stages", {}).items():
-        axes = matrix_items(folder, name)
-        for out in stage.get("outs", []):
-            path = out if isinstance(out, str) else next(iter(out))
-            for items in product(*axes.values()):
-                filled = path
-                for axis, item in zip(axes, items, strict=True):
-                    filled = filled.replace(f"${{item.{axis}}}", item)
-                found[filled] = None
+    found = dict.fromkeys(path for paths in outputs_by_stage(folder).values() for path in paths)
     locked = (out["path"] for stage in locked_stages(folder).values() for out in stage.get("outs", []))
     return list(found | dict.fromkeys(locked))
+
+
+def outputs_by_stage(folder: Path) -> dict[str, list[str]]:
+    """Return the paths that each stage item of dvc.yaml writes, by the item's name as DVC writes it."""
+    document, found = read_yaml(folder / "dvc.yaml"), dict[str, list[str]]()
+    for name, stage in document.get("stages", {}).items():
+        paths = [out if isinstance(out, str) else next(iter(out)) for out in stage.get("outs", [])]
+        axes = _axes(document, name)
+        for items in product(*axes.values()):
+            values = dict(zip(axes, items, strict=True))
+            found["@".join(filter(None, (name, "-".join(items))))] = [_filled(path, values) for path in paths]
+    return found
+
+
+def _filled(path: str, values: Mapping[str, str]) -> str:
+    """Return a path of dvc.yaml with the item of each axis in place of its reference."""
+    for axis, item in values.items():
+        path = path.replace(f"${{item.{axis}}}", item)
+    return path
 
 
 def locked_stages(folder: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ FAMILIES = {
         "pretrain_goal_planner",
         "finetune_goal_planner",
         "evaluate_copainting",
+        "duet",
     ),
     "hands": ("gather_demonstrations", "train_trajvae", "draw_in_hands", "draw_subjects_in_hands"),
     "sculpting": ("collect_pushes", "train_push_dynamics", "diagnose_pushes", "sculpt"),

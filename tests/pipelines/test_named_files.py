@@ -9,6 +9,7 @@ from pipelines._clean import clean
 from pipelines._deps import name_files
 from pipelines._imports import ROOT
 from pipelines._params import read_yaml
+from pipelines._progress_views import View
 from pipelines._repro import main, overlay
 from pipelines._tracking.dvc_files import outputs
 from pipelines._tracking.run import _warn_of_unnoticed_files
@@ -91,7 +92,7 @@ def test_make_repro_names_files_before_dvc_looks(
 ) -> None:
     seen: list[list[str]] = []
 
-    def looked(folder: Path) -> int:
+    def looked(folder: Path, _view: View) -> int:
         seen.append(dependencies("collect"))
         return 1
 
@@ -103,7 +104,7 @@ def test_make_repro_names_files_before_dvc_looks(
     assert main([]) == 1 and "data/mine" in seen[0]
     assert "as dependencies" in capsys.readouterr().out
     (project / "dvc.yaml").write_text("stages: [")  # which DVC reports
-    monkeypatch.setattr("pipelines._repro.bring_up_to_date", lambda folder: 1)
+    monkeypatch.setattr("pipelines._repro.bring_up_to_date", lambda folder, view: 1)
     assert main([]) == 1
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pipelines._params import merge, read_yaml
+from pipelines._progress_views import View
 from pipelines._repro import main, overlay, restore_missing
 from pipelines._tracking.store import VARIABLE
 
@@ -143,7 +144,7 @@ def test_an_execution_is_named_for_its_stages_and_closed(
     named: list[str] = []
     ended: list[tuple[Path, str, str]] = []
 
-    def dvc(folder: Path) -> int:
+    def dvc(folder: Path, _view: View) -> int:
         named.append(os.environ[VARIABLE])
         if ran:
             (folder / "data/timings").mkdir(parents=True, exist_ok=True)

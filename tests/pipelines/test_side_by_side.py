@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pipelines._progress_views import PlainLines
 from pipelines._side_by_side import bring_up_to_date, in_order, out_of_date
 
 DOT = """strict digraph {
@@ -69,12 +70,12 @@ def test_independent_stages_run_at_once_and_readers_after_them(
         "  two: {cmd: python meet.py sign2 sign1 && echo 2 > second, outs: [second]}",
         "  both: {cmd: cat first second > sum && echo added, deps: [first, second], outs: [sum]}",
     )
-    assert bring_up_to_date(folder) == 0
+    assert bring_up_to_date(folder, PlainLines()) == 0
     assert (folder / "sum").read_text() == "1\n2\n"
     said = capfd.readouterr().out
     assert "both | added\n" in said
     assert said.index("one | ") < said.index("both | ")
-    assert bring_up_to_date(folder) == 0
+    assert bring_up_to_date(folder, PlainLines()) == 0
     again = capfd.readouterr().out
     assert " | " not in again, "nothing is out of date, no stage is looked at twice"
     assert "up to date" in again
@@ -88,7 +89,7 @@ def test_a_failure_stops_the_other_stage_and_is_the_status(tmp_path: Path) -> No
         "  after: {cmd: touch reached, deps: [first], outs: [reached]}",
     )
     started = time.monotonic()
-    assert bring_up_to_date(folder) != 0
+    assert bring_up_to_date(folder, PlainLines()) != 0
     assert time.monotonic() - started < 60
     assert not (folder / "reached").exists()
 
@@ -96,8 +97,9 @@ def test_a_failure_stops_the_other_stage_and_is_the_status(tmp_path: Path) -> No
 def test_a_terminated_run_ends_its_stages(tmp_path: Path) -> None:
     folder = pipeline(tmp_path, "  long: {cmd: echo $$ > began && exec sleep 300, outs: [first]}")
     code = (
-        "import sys; from pathlib import Path; from pipelines._side_by_side import bring_up_to_date\n"
-        "sys.exit(bring_up_to_date(Path(sys.argv[1])))"
+        "import sys; from pathlib import Path; from pipelines._progress_views import PlainLines\n"
+        "from pipelines._side_by_side import bring_up_to_date\n"
+        "sys.exit(bring_up_to_date(Path(sys.argv[1]), PlainLines()))"
     )
     process = subprocess.Popen([sys.executable, "-c", code, str(folder)])
     until = time.monotonic() + 60
@@ -115,5 +117,5 @@ def test_a_terminated_run_ends_its_stages(tmp_path: Path) -> None:
 
 def test_a_pipeline_that_dvc_cannot_read_is_dvcs_to_explain(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     folder = pipeline(tmp_path, "  one: {comand: x}")
-    assert bring_up_to_date(folder) != 0
+    assert bring_up_to_date(folder, PlainLines()) != 0
     assert "dvc.yaml" in capfd.readouterr().err

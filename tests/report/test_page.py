@@ -8,6 +8,7 @@ import pytest
 
 from pentimento.report.benchmarks import BenchmarkInputs
 from pentimento.report.diagnoses import DiagnosisInputs
+from pentimento.report.duet import read_duet
 from pentimento.report.handwriting import read_handwriting
 from pentimento.report.page import ReportConfig, ReportInputs, build_report
 from pentimento.report.paintings import PaintingInputs
@@ -17,7 +18,7 @@ from pentimento.report.sculpting import read_sculpture
 from pentimento.report.tools import ToolInputs
 from tests.report.conftest import PICTURES
 
-CONFIG = ReportConfig(frame_ms=100, strokes=PICTURES)
+CONFIG = ReportConfig(frame_ms=100, note=None, strokes=PICTURES)
 VOID = {"meta", "img", "source", "br"}
 
 
@@ -97,6 +98,7 @@ def test_optional_sections_are_on_the_page_and_linked_only_with_inputs(
     inputs: ReportInputs, page: str, tmp_path: Path
 ) -> None:
     from tests.report.test_diagnoses import VERDICT
+    from tests.report.test_duet import write as write_duet
     from tests.report.test_handwriting import write as write_handwriting
     from tests.report.test_performances import write as write_performance
     from tests.report.test_sculpting import write as write_sculpture
@@ -109,6 +111,7 @@ def test_optional_sections_are_on_the_page_and_linked_only_with_inputs(
     (performances / "sculptures.json").write_text("{}")
     full = replace(
         inputs,
+        duet=read_duet(write_duet(tmp_path / "duet")),
         diagnoses=[DiagnosisInputs("round_brush", VERDICT, {})],
         handwriting=read_handwriting(*write_handwriting(tmp_path / "hands")),
         sculptures=[sculpture],
@@ -116,7 +119,7 @@ def test_optional_sections_are_on_the_page_and_linked_only_with_inputs(
     )
     with_all = build_report(full, CONFIG)["index.html"].decode()
     assert read(with_all).open == []
-    for target in ("gap", "hands", "sculpting-foam", "runner"):
+    for target in ("duet", "gap", "hands", "sculpting-foam", "runner"):
         for text in (f'<a href="#{target}">', f'<section id="{target}">'):
             assert text in with_all and text not in page
 
@@ -138,10 +141,16 @@ def test_recorded_tools_without_a_painting_open_the_page(inputs: ReportInputs, t
     assert page.index('id="recorded"') < page.index('id="plan-round_brush"') < page.index('id="tools"')
 
 
+def test_a_note_stands_at_the_top(inputs: ReportInputs, page: str) -> None:
+    noted = build_report(inputs, replace(CONFIG, note="A quick run & no more."))["index.html"].decode()
+    assert noted.index("<h1>") < noted.index("A quick run &amp; no more.") < noted.index('class="lead"')
+    assert 'class="note"' not in page
+
+
 def test_page_has_no_dates_paths_or_run_ids(page: str) -> None:
     assert not re.search(r"20\d\d-\d\d|\b[0-9a-f]{32}\b|/tmp|/home|/work", without_pictures(page))
 
 
 def test_frame_duration_below_20_ms_is_refused() -> None:
     with pytest.raises(ValueError, match="frame_ms"):
-        ReportConfig(frame_ms=5, strokes=PICTURES)
+        ReportConfig(frame_ms=5, note=None, strokes=PICTURES)

@@ -9,6 +9,7 @@ from pentimento.report.benchmarks import BenchmarkInputs, benchmark_section
 from pentimento.report.by_meaning import MeaningInputs, meanings_section
 from pentimento.report.copainting import CopaintingInputs, copainting_section
 from pentimento.report.diagnoses import DiagnosisInputs, diagnoses_section
+from pentimento.report.duet import DuetInputs, duet_section
 from pentimento.report.handwriting import HandwritingInputs, handwriting_section
 from pentimento.report.html import Album
 from pentimento.report.paintings import PaintingInputs, opening, painting_section, summary
@@ -26,6 +27,8 @@ class ReportConfig:
 
     frame_ms: int
     """Duration of each photograph in the time-lapse."""
+    note: str | None
+    """One line at the top about what was made; null for none."""
     strokes: StrokePictures
 
     def __post_init__(self) -> None:
@@ -42,6 +45,7 @@ class ReportInputs:
     tools: Sequence[ToolInputs]
     benchmarks: BenchmarkInputs | None = None
     meanings: Sequence[MeaningInputs] = ()
+    duet: DuetInputs | None = None
     diagnoses: Sequence[DiagnosisInputs] = ()
     """Of recorded tools and of the studio's."""
     plans: Sequence[PlanInputs] = ()
@@ -62,6 +66,7 @@ def build_report(inputs: ReportInputs, config: ReportConfig) -> dict[str, bytes]
         "report/page.html",
         opening=opening(inputs.paintings[0], config.frame_ms, album) if inputs.paintings else None,
         recorded=bool(recorded),
+        note=config.note,
         summaries=[summary(painting) for painting in inputs.paintings],
         links=_links(inputs),
         painting_sections=[
@@ -69,6 +74,7 @@ def build_report(inputs: ReportInputs, config: ReportConfig) -> dict[str, bytes]
             *(plan_section(plan, album) for plan in inputs.plans),
             *(painting_section(painting, config.frame_ms, album) for painting in inputs.paintings),
             *([meanings_section([*inputs.meanings], album)] if inputs.meanings else []),
+            *([duet_section(inputs.duet, album)] if inputs.duet else []),
         ],
         other_sections=[
             *(tool_section(tool, config.strokes.shown, album) for tool in inputs.tools),
@@ -96,6 +102,7 @@ def _links(inputs: ReportInputs) -> list[tuple[str, str]]:
     links += [(f"plan-{plan.tool}", f"Plan for the {tool_name(plan.tool)}") for plan in inputs.plans]
     links += [(painting.setting, f"{painting.setting.capitalize()} painting") for painting in inputs.paintings]
     links += [("meaning", "Painting by meaning")] if inputs.meanings else []
+    links += [("duet", "Drawn in turns")] if inputs.duet else []
     links += [(f"tool-{tool.name}", tool_name(tool.name).capitalize()) for tool in inputs.tools]
     links += [("gap", "Diagnosis")] if made else []
     links += [("hands", "Handwriting styles")] if inputs.handwriting else []
