@@ -134,7 +134,7 @@ class _BatchByBatch:
     def execute(self, state: _BatchProgress, action: list[PlannedStroke]) -> _BatchProgress:
         memory, measured = execute(
             self.robot, state.scene.tool, action, palette_srgb=self.palette_srgb, memory=state.memory,
-            session=self.session,
+            session=self.session, depletion=state.scene.brush.depletion,
         )  # fmt: skip
         executed = (*state.executed, *action)
         scene = replace(
@@ -336,7 +336,7 @@ def add_persons_paint(memory: Memory, before: Image, now: Image, clock_s: float)
 
 def due_for_dip(memory: Memory, tool: Tool) -> Memory:
     """The memory of a tool that has waited: its paint has dried, so the tool is dipped before the next stroke."""
-    return replace(memory, since_reload=max(memory.since_reload, tool.strokes_per_dip)) if tool.dips else memory
+    return replace(memory, since_reload=max(memory.since_reload, tool.most_strokes_per_dip)) if tool.dips else memory
 
 
 def _copy(strokes: S) -> S:

@@ -44,7 +44,7 @@ from pentimento.control.undo import remember
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.paths import PlannedPaths
-from pentimento.robots.tools import needs_dip
+from pentimento.robots.refill import needs_dip
 
 Picture = NDArray[np.uint8]
 
@@ -201,12 +201,13 @@ class _StrokeByStroke:
         number = state.executed + 1
         stroke, remaining = state.remaining.pick(slice(0, 1)), state.remaining.pick(slice(1, None))
         expected = predict_canvas(self.context, stroke, state.canvas, self.at.start_of(state))
-        travels = 3 if needs_dip(self.tool, action, state.memory) else 1
+        depletion = self.context.of(stroke).brush.depletion
+        travels = 3 if needs_dip(self.tool, action, state.memory, depletion) else 1
         duration_s = travels * self.session.traits.reach_s + _MAX_SLOWDOWN * float(action.path[-1, 0])
         self.at.watchdog.beat(duration_s, f"stroke {number}")
         memory, executed = execute_stroke(
             self.at.robot, self.tool, action, palette_srgb=state.palette_srgb, memory=state.memory,
-            session=self.at.recorded,
+            session=self.at.recorded, depletion=depletion,
         )  # fmt: skip
         self.at.watchdog.beat(OBSERVE_S, f"the look after stroke {number}")
         canvas, self.last_visible = as_picture(expected), None
@@ -282,8 +283,9 @@ class _StrokeByStroke:
     def _resumed(self, state: PaintingState, canvas: Picture) -> PaintingState:
         """The state of an earlier session, continued on the canvas as it is now."""
         if state.pending and self._was_executed(state, canvas):
-            (stroke,) = commands(_asked(self.session), state.remaining.pick(slice(0, 1)))
-            dip = needs_dip(self.tool, stroke, state.memory)
+            pending = state.remaining.pick(slice(0, 1))
+            (stroke,) = commands(_asked(self.session), pending)
+            dip = needs_dip(self.tool, stroke, state.memory, self.context.of(pending).brush.depletion)
             started_s = state.clock_s + self.context.brush.timing.reach_s
             memory = advance(state.memory, StrokeEvent(stroke.path, started_s, dip, stroke.color_srgb))
             remaining = state.remaining.pick(slice(1, None))
