@@ -33,6 +33,7 @@ from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Meaning, Scene, Style, objective_for
 from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
 from pentimento.robots.driver import Robot
+from pentimento.robots.refill import too_long, with_dips
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
@@ -306,6 +307,18 @@ def commands(context: PaintContext, strokes: PlannedPaths) -> list[PlannedStroke
     """The strokes as paths that the robot executes."""
     context = context.of(strokes)
     return strokes.planned(context.tool, context.brush.path_points)
+
+
+def dips_of(context: PaintContext, strokes: PlannedPaths, memory: Memory) -> list[str]:
+    """Sentences on the dips of a plan that is executed from ``memory`` on; none for a tool with its own ink."""
+    tool, depletion = context.tool, context.of(strokes).brush.depletion
+    if not tool.dips or not len(strokes):
+        return []
+    planned = commands(context, strokes)
+    count = sum(stroke.dip for stroke in with_dips(planned, tool, memory, depletion))
+    times = "once" if count == 1 else f"{count} times"
+    long = too_long(planned, tool, depletion)
+    return [f"The {tool.name} is dipped {times}.", *([f"{long[0].upper()}{long[1:]}"] if long else [])]
 
 
 def objective_value(context: PaintContext, image: Array, goal: Image, start: Start) -> float:

@@ -31,6 +31,7 @@ from pentimento.control.painter import (
     add_persons_paint,
     as_picture,
     commands,
+    dips_of,
     due_for_dip,
     first_plan,
     predict_canvas,
@@ -98,7 +99,8 @@ def begin(
     state = PaintingState(
         remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
         executed=0, sessions=0, shard=0, turns=0, lines=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
-        phase="painting", message=f"{len(remaining)} strokes are planned.", hand=session.control.hand,
+        phase="painting", hand=session.control.hand,
+        message=" ".join([f"{len(remaining)} strokes are planned.", *dips_of(context, remaining, start.memory)]),
     )  # fmt: skip
     write_png(session.folder / PLAN, as_picture(predict_canvas(context, remaining, canvas, start)))
     write_pictures(session.folder, session.context, state, session.replan_every)
