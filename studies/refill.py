@@ -1,7 +1,7 @@
 """Dips by count against dips by the depletion of a load, in the studio: `python -m studies.refill`.
 
 Three brushes: the two that are dipped, in worlds whose load runs out soon, and a round brush whose load lasts. For
-each, a row of equal strokes of one load shows how darkness falls with the length drawn (`Depletion`). For each seed,
+each, equal strokes of one load show how darkness falls with the length drawn (`Depletion`). For each seed,
 the same photograph is then planned and painted by both rules, without replanning. Both plans know the depletion. The
 base of the stroke model is the one that the pipeline trained (``--models``).
 """
@@ -12,6 +12,7 @@ import argparse
 import json
 import tempfile
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -49,14 +50,16 @@ from pipelines._params import read_yaml
 
 SHEET_M = (0.1, 0.1)
 PHOTOGRAPH = "chelsea"
-STROKES = 60
-ROW = 12
-"""Strokes of the row that shows the depletion."""
-ROW_LENGTH_M = 0.04
+STROKES = 30
+ROW, ROW_LENGTH_M, ROW_APART_M, ROW_SHEET_M = 8, 0.05, 0.02, (0.1, 0.16)
+"""Strokes that show the depletion: number, length, distance, and their sheet."""
+PIXELS_PER_M = 1000.0
+SEEN = 0.2
+"""Share of the first stroke's darkness below which a load counts as used up; those strokes are not fitted."""
 CYAN = np.array([0.1, 0.35, 0.5])
 SMALL = {
-    "iterations_free": 30, "iterations_palette": 15, "rounds": 1, "sizes": [0.8, 0.0], "candidates": 4,
-    "pixels_per_m": 600, "sweeps": 1, "relocate_every": 0, "min_gain_per_stroke": 0.0,
+    "iterations_free": 12, "iterations_palette": 6, "rounds": 1, "sizes": [0.8, 0.0], "candidates": 3,
+    "pixels_per_m": 400, "sweeps": 1, "relocate_every": 0, "min_gain_per_stroke": 0.0,
     "palette": {"source": "plan", "size": 3, "picture": None, "colors_srgb": None},
 }  # fmt: skip
 """Of the planner `small_colour`: fewer iterations and paints, on a smaller sheet."""
@@ -81,8 +84,8 @@ class Config:
 
 
 CASES = {
-    "round brush, runs out soon": Case("round_brush", 4.0, 4),
-    "flat brush, runs out soon": Case("flat_brush", 4.0, 4),
+    "round brush, runs out soon": Case("round_brush", 3.0, 4),
+    "flat brush, runs out soon": Case("flat_brush", 3.0, 4),
     "round brush, lasts": Case("round_brush", 0.2, 12),
 }
 
@@ -108,14 +111,10 @@ def main() -> None:
 
 def both(case: Case, base: Path, seed: int) -> dict[str, Any]:
     """Dips and errors by both rules, and the loss of the load per metre."""
-    world = load_world(case.tool)
-    world = replace(
-        world, effects=replace(world.effects, ink_depletion=case.strength), paper=replace(world.paper, size_m=SHEET_M)
-    )
-    tool = load_tool(case.tool)
+    world, tool = world_of(case, SHEET_M), load_tool(case.tool)
     by_count = replace(tool, max_fade=None)
     by_depletion = replace(tool, max_strokes_per_dip=case.most)
-    depletion = depletion_on(world, tool, seed)
+    depletion = depletion_on(case)
     model = StrokeModel(
         read_parameters(base / "parameters.json"),
         (InkDepletion(torch.tensor([depletion.loss, 0.0]), {"column": 0.0, "since": 1.0}),),
@@ -129,24 +128,32 @@ def both(case: Case, base: Path, seed: int) -> dict[str, Any]:
     }
 
 
-def depletion_on(world: World, tool: Tool, seed: int) -> Depletion:
-    """The loss of darkness of a row of equal strokes of one load, by least squares on its logarithm."""
-    robot = VirtualRobot(Studio(world, 1000 + seed))
+@cache
+def depletion_on(case: Case) -> Depletion:
+    """The loss of darkness of equal strokes of one load, one above the other, by least squares on its logarithm."""
+    tool = load_tool(case.tool)
+    robot = VirtualRobot(Studio(world_of(case, ROW_SHEET_M), 0))
     calibration = calibrate_camera(robot.photo(), markers_around(robot.canvas_size_m))
+    before = as_linear(observe(robot, calibration, PIXELS_PER_M))
     robot.load_palette(CYAN[None])
     robot.dip(0)
-    half_m, gone = SHEET_M[0] / 2, []
-    for _ in range(ROW):
-        before = as_linear(observe(robot, calibration, 1000.0))
+    for number in range(ROW):
         places = np.zeros((16, 4))
-        places[:, 0] = np.linspace(half_m - ROW_LENGTH_M / 2, half_m + ROW_LENGTH_M / 2, 16)
-        places[:, 1], places[:, 2] = half_m, -np.mean(tool.press_range_m)
+        places[:, 0] = np.linspace(ROW_SHEET_M[0] - ROW_LENGTH_M, ROW_SHEET_M[0] + ROW_LENGTH_M, 16) / 2
+        places[:, 1], places[:, 2] = ROW_APART_M * (number + 0.5), -np.mean(tool.press_range_m)
         robot.move(timed_path(places, tool.speed_m_s))
-        gone.append(float((before - as_linear(observe(robot, calibration, 1000.0))).sum()))
-        robot.new_sheet()
-    middle_m = ROW_LENGTH_M * (np.arange(ROW) + 0.5)
-    slope = np.polyfit(middle_m, np.log(np.maximum(gone, 1e-6)), 1)[0]
-    return Depletion("ink_since_reload_m", float(-slope))
+    gone = (before - as_linear(observe(robot, calibration, PIXELS_PER_M))).sum(axis=(1, 2))[::-1]
+    dark = gone.reshape(ROW, -1).sum(axis=1)
+    marks = int(np.argmax(np.append(dark < SEEN * dark[0], True)))
+    middle_m = ROW_LENGTH_M * (np.arange(marks) + 0.5)
+    return Depletion("ink_since_reload_m", -float(np.polyfit(middle_m, np.log(dark[:marks]), 1)[0]))
+
+
+def world_of(case: Case, sheet_m: tuple[float, float]) -> World:
+    """The case's world, with a sheet of this size."""
+    world = load_world(case.tool)
+    effects = replace(world.effects, ink_depletion=case.strength)
+    return replace(world, effects=effects, paper=replace(world.paper, size_m=sheet_m))
 
 
 def painted(world: World, tool: Tool, model: StrokeModel, seed: int) -> dict[str, float]:
