@@ -1,9 +1,9 @@
 """Dips by count against dips by the depletion of a load, in the studio: `python -m studies.refill`.
 
-Three brushes: the two that are dipped, in worlds whose load runs out soon, and a round brush whose load lasts. For
-each, equal strokes of one load show how darkness falls with the length drawn (`Depletion`). For each seed,
-the same photograph is then planned and painted by both rules, without replanning. Both plans know the depletion. The
-base of the stroke model is the one that the pipeline trained (``--models``).
+Four brushes: the two that are dipped, in worlds whose load runs out soon, and round brushes whose load lasts longer.
+For each, equal strokes of one load show how darkness falls with the length drawn (`Depletion`). For each seed, the same
+photograph is then planned and painted by both rules, without replanning. Both plans know the depletion. The base of
+the stroke model is the one that the pipeline trained (``--models``).
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ class Config:
 CASES = {
     "round brush, runs out soon": Case("round_brush", 3.0, 4),
     "flat brush, runs out soon": Case("flat_brush", 3.0, 4),
-    "round brush, lasts": Case("round_brush", 0.2, 12),
+    "round brush, runs out slowly": Case("round_brush", 0.2, 12),
+    "round brush, lasts": Case("round_brush", 0.02, 12),
 }
 
 

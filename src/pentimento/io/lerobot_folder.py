@@ -118,7 +118,7 @@ def open_dataset(folder: Path) -> Dataset:
         convert = (
             " Convert it with LeRobot's own script first: "
             "python -m lerobot.scripts.convert_dataset_v21_to_v30 --repo-id=NAME --root=FOLDER "
-            "(lerobot 0.4: lerobot.datasets.v30.convert_dataset_v21_to_v30)."
+            "--push-to-hub=false."
         )
         raise ContractError(
             f"{where} is of version {_short(version)}, and {VERSION} is what can be read.{convert if older else ''}"

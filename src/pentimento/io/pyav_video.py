@@ -1,4 +1,4 @@
-"""Videos that OpenCV does not decode, such as AV1, through PyAV (extra `video`), with the methods of OpenCV's capture."""
+"""Videos that OpenCV does not decode, such as AV1, through PyAV (extra `video`): the methods of OpenCV's capture."""
 
 from __future__ import annotations
 
@@ -28,8 +28,11 @@ def pyav_capture(file: Path) -> Capture:
         if capture.grab():
             return capture
     except (av.FFmpegError, IndexError) as error:  # IndexError: it has no video stream
-        raise Refused(f"its video {file.name} can be decoded neither by OpenCV nor by PyAV ({error})") from error
-    raise Refused(f"its video {file.name} has no picture")
+        reason = f" ({error.strerror})" if isinstance(error, av.FFmpegError) else ""
+        raise Refused(
+            f"its video {file.name} can be decoded neither by OpenCV nor by PyAV{reason}; encode it again as H.264"
+        ) from error
+    raise Refused(f"its video {file.name} has no picture that can be decoded; encode it again as H.264")
 
 
 class Capture:
