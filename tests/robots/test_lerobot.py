@@ -201,7 +201,7 @@ def test_a_place_out_of_reach_is_refused_before_anything_moves() -> None:
     assert not robot.actions
 
 
-def test_an_arm_that_points_elsewhere_is_not_turned_at_once() -> None:
+def test_an_arm_that_points_sideways_is_not_turned_at_once() -> None:
     robot = MockRobot(MockConfig("here", "arm", True))
     robot.connect(calibrate=False)
     robot.degrees["wrist_flex"] -= np.degrees(LEAP_RAD) + 5
