@@ -72,10 +72,14 @@ def marks_of_paths(
 
 
 def depletion_of(model: StrokeModel) -> Depletion | None:
-    """How the tool's load runs out, by the mechanism ``ink_depletion``; None for a model without it."""
+    """How the tool's load runs out, by the mechanism ``ink_depletion``; None for a model without it.
+
+    The loss of darkness, density times width, is the sum of both quantities.
+    """
     for mechanism in model.mechanisms:
         if isinstance(mechanism, InkDepletion):
-            return mechanism.depletion()
+            loss = float(mechanism.values.detach().sum()) / mechanism.reference["since"]
+            return Depletion("since_reload" if mechanism.reference["column"] else "ink_since_reload_m", loss)
     return None
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
-
 import torch
 
 from pentimento.dynamics.strokes.mechanisms.geometry import arc_m, column, recorded, varies
 from pentimento.dynamics.strokes.simulation import Mechanism, NotObservable, Quantity, StrokeContext
 from pentimento.dynamics.strokes.traj2stroke import Mark
-from pentimento.robots.refill import Depletion
 
-_COLUMNS: Final[tuple[Literal["ink_since_reload_m"], Literal["since_reload"]]] = ("ink_since_reload_m", "since_reload")
+_COLUMNS = ("ink_since_reload_m", "since_reload")
 
 
 class InkDepletion(Mechanism):
@@ -31,11 +28,6 @@ class InkDepletion(Mechanism):
         if age is not None and not varies(age - since) and varies(age):
             raise NotObservable("the tool is never reloaded, so that its ink is as old as itself (tool_wear)")
         return {"column": float(number), "since": float(since.mean())}
-
-    def depletion(self) -> Depletion:
-        """Loss of darkness, which is density times width."""
-        loss = float(self.values.detach().sum()) / self.reference["since"]
-        return Depletion(_COLUMNS[int(self.reference["column"])], loss)
 
     def mark(self, mark: Mark, context: StrokeContext) -> Mark:
         number = int(self.reference["column"])
