@@ -33,6 +33,7 @@ from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.scene import Scene, scene_with
 from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
 from pentimento.robots.driver import Robot
+from pentimento.robots.refill import too_long, with_dips
 from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import Tool, load_tool
 from pentimento.robots.virtual import VirtualRobot
@@ -124,7 +125,9 @@ def main(arguments: argparse.Namespace) -> None:
         write_png(out / "photograph.png", to_uint8(linear_to_srgb(photograph)))
         write_png(out / "target.png", to_uint8(linear_to_srgb(target)))
         write_png(out / "polyline.png", to_uint8(simpler["polyline"]))
-        planned = strokes.planned(tool, setting.planner.path_points)
+        planned = with_dips(
+            strokes.planned(tool, setting.planner.path_points), tool, scene.start.memory, scene.brush.depletion
+        )
         _write_paintings(out, tool, robot.canvas_size_m, planned=planned, palette=palette, paintings=paintings)
         executed = [min(i * config.replan_every, len(planned)) for i in range(len(paintings["with"].deviation))]
         deviation = {kind: painting.deviation for kind, painting in paintings.items()}
@@ -193,9 +196,11 @@ def _robot(tool: Tool, setting: Setting, seed: int) -> Robot:
 
 
 def _warnings(strokes: Strokes, scene: Scene) -> list[str]:
-    """Return warnings where a plan leaves the range of the data that the model was fitted to."""
-    fitted = scene.brush.fitted
-    return beyond_fit(planned_covariates(strokes, scene.tool, scene.brush, scene.start, names=fitted), fitted)
+    """Return warnings where a plan leaves the range of the data that the model was fitted to, and on long strokes."""
+    tool, brush = scene.tool, scene.brush
+    known = planned_covariates(strokes, tool, brush, scene.start, names=brush.fitted)
+    long = too_long(strokes.planned(tool, brush.path_points), tool, brush.depletion)
+    return [*beyond_fit(known, brush.fitted), *([long] if long else [])]
 
 
 def _plot(

@@ -30,6 +30,7 @@ from pentimento.dynamics.strokes.planned import TorchBrush
 from pentimento.planning.strokes.config import PlannerConfig
 from pentimento.planning.strokes.memory import Start, beyond_fit, planned_covariates
 from pentimento.planning.strokes.target import fit_to_canvas, fit_to_ink, load_photograph
+from pentimento.robots.refill import too_long, with_dips
 from pentimento.robots.tools import load_tool
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
@@ -99,7 +100,10 @@ def main(arguments: argparse.Namespace) -> None:
         painted = predict_canvas(context, strokes, blank, start)
         planned = commands(context, strokes)
         known = planned_covariates(strokes, tool, brush, start, names=brush.fitted) if planned else {}
+        planned = with_dips(planned, tool, start.memory, brush.depletion)
         warnings = beyond_fit(known, brush.fitted)
+        if long := too_long(planned, tool, brush.depletion):
+            warnings.append(long)
         for sentence in warnings:
             print(f"plan_painting: {sentence}", file=sys.stderr)
         header = PlanHeader(tool.name, palette, setting.canvas_m, envelope_for(tool, setting.canvas_m).id)
@@ -111,6 +115,7 @@ def main(arguments: argparse.Namespace) -> None:
         images = {"blank": as_linear(blank), "plan": painted}
         metrics = {
             "strokes": len(planned),
+            "dips": sum(stroke.dip for stroke in planned),
             "error": {name: objective_value(context, image, goal, start) for name, image in images.items()},
         }
         write_json(out / "metrics.json", metrics)

@@ -281,10 +281,10 @@ def is_there(path: str) -> bool:
 
 
 def test_licences_are_of_the_pinned_versions() -> None:
-    """Every package that is pinned is on the page, but the drivers of real arms, which `make env` leaves out."""
+    """Every package that is pinned is on the page, but PyAV and the drivers of arms, which `make env` leaves out."""
     rows = re.findall(r"^\| (\S+) +\| (\S+) +\| \S", (ROOT / "docs/licences.md").read_text(), re.MULTILINE)
     named = {name.lower().replace("_", "-"): version.partition("+")[0] for name, version in rows[1:]}
     pins = re.findall(r"^([\w.-]+)==([\w.]+)", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
     pinned = {name.lower().replace("_", "-"): version for name, version in pins}
-    assert set(pinned) - set(named) == {"franky-control", "websockets", "xarm-python-sdk"}
+    assert set(pinned) - set(named) == {"av", "franky-control", "websockets", "xarm-python-sdk"}
     assert {name: version for name, version in named.items() if pinned.get(name) != version} == {}

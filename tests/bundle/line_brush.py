@@ -32,6 +32,7 @@ class LineBrush:
 
     fitted: Mapping[str, Span] = {}
     timing = StrokeTiming(1.0, 5.0)
+    depletion = None
     path_points = POINTS
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:

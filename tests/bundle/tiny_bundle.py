@@ -91,7 +91,7 @@ def write_tiny_bundle(folder: Path) -> Path:
         },
         models={"stroke_marker": "1"},
         settings={"pen": setting},
-        brushes={"pen": BrushFacts("marker", 4, {}, StrokeTiming(2.0, 5.0), picks_up=False, has_gain=False)},
+        brushes={"pen": BrushFacts("marker", 4, {}, StrokeTiming(2.0, 5.0), None, picks_up=False, has_gain=False)},
         encoder=EncoderFacts(16, 8, 1, words),
         goal=GoalFacts(16, 4, 2, 0.8, (0.9, 0.5, 0.0), 1.0, "sample", "trailing", 0, 2, 1.0, 5.0, words, None),
         styles={},

@@ -34,7 +34,8 @@ from pentimento.planning.strokes.memory import Start, planned_covariates
 from pentimento.planning.strokes.planner import plan
 from pentimento.planning.strokes.scene import Scene, objective_for, scene_with
 from pentimento.robots.driver import Robot
-from pentimento.robots.tools import load_tool, needs_dip
+from pentimento.robots.refill import needs_dip
+from pentimento.robots.tools import load_tool
 from pentimento.robots.virtual import VirtualRobot
 from pentimento.studio.strokes.studio import Studio
 from pentimento.studio.strokes.world import load_world
@@ -202,5 +203,5 @@ def test_due_for_dip_applies_to_brushes_only(name: str) -> None:
     tool, color = load_tool(name), np.array([0.2, 0.3, 0.4])
     memory = replace(START.memory, since_reload=1, last_color_srgb=color)
     stroke = PlannedStroke(np.zeros((2, 5)), color, dip=False)
-    assert not needs_dip(tool, stroke, memory)
-    assert needs_dip(tool, stroke, due_for_dip(memory, tool)) == tool.dips
+    assert not needs_dip(tool, stroke, memory, None)
+    assert needs_dip(tool, stroke, due_for_dip(memory, tool), None) == tool.dips

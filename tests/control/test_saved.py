@@ -14,11 +14,13 @@ import pytest
 
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import decode_png, read_image
+from pentimento.contracts.strokes import example_table
 from pentimento.control.checkpoint import PaintingState
 from pentimento.control.person import Control
 from pentimento.control.replay import frames_of, replay_page
-from pentimento.control.saved import gcode_of, made_strokes, saved_files, write_drawings
+from pentimento.control.saved import drawing_of, gcode_of, made_strokes, saved_files, write_drawings
 from pentimento.control.session import resume
+from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
 from tests.bundle.line_brush import SIDE_M, journaled_sheet
 from tests.control.paintings import begun, session_of
@@ -91,18 +93,94 @@ def test_drawing_that_is_too_large_for_the_plotter_is_saved_as_svg_alone(tmp_pat
     assert (tmp_path / "painting.svg").read_text().count("<path") == 1
 
 
-def test_another_colour_pauses_the_plotter(tmp_path: Path) -> None:
+BRUSH = load_tool("round_brush")
+LOADS = [
+    ("wipe", 0),
+    ("dip", 0),
+    ("move", 0),
+    ("move", 0),
+    ("dip", 0),
+    ("move", 0),
+    ("wipe", 0),
+    ("dip", 1),
+    ("move", 0),
+]
+"""A red load for two strokes, another for one, and a blue one after a wash."""
+
+
+@pytest.fixture
+def dipped(tmp_path: Path) -> Path:
+    """A folder with the journal of `LOADS`."""
     path = [[0.0, 0.05, 0.1, -0.001, 0.0], [1.0, 0.1, 0.1, -0.001, 0.0]]
-    commands = [["load_palette", [[[1, 0, 0], [0, 0, 1]]]]]
-    for paint in (0, 0, 1):
-        commands += [["wipe", []], ["dip", [paint]], ["move", [path]]]
+    given = {"wipe": lambda _: [], "dip": lambda paint: [paint], "move": lambda _: [path]}
+    commands = [["load_palette", [[[1, 0, 0], [0, 0, 1]]]], *([name, given[name](paint)] for name, paint in LOADS)]
     (tmp_path / "journal.jsonl").write_text("".join(json.dumps(command) + "\n" for command in commands))
-    strokes = made_strokes(tmp_path, load_tool("round_brush"))
-    assert [stroke.color_srgb.tolist() for stroke in strokes] == [[1, 0, 0], [1, 0, 0], [0, 0, 1]]
-    lines = gcode_of(strokes).decode().splitlines()
-    assert lines.count("M0") == 1 and lines[lines.index("M0") - 1] == "(colour 0000ff)"
-    raised = [line for line in lines[: lines.index("M0")] if "Z" in line][-1]
-    assert raised.split("Z")[1].startswith("-5")  # 5 mm above the sheet at -10 mm
+    return tmp_path
+
+
+def visits(lines: list[str], places_m: list[tuple[float, float]], tool_height_mm: float) -> list[int]:
+    """Index of the place each time the tip goes down near one, from the lines of a G-code file."""
+    rig, down, found = load_rig("plotter_on_file"), False, []
+    for line in lines:
+        values = dict(re.findall(r"([XYZ])(-?[\d.]+)", line))
+        if set(values) < {"X", "Y", "Z"}:
+            continue
+        x, y, z = (float(values[axis]) for axis in "XYZ")
+        here = np.array([x, y]) / 1000 - rig.origin_m[:2]
+        near = [number for number, place in enumerate(places_m) if np.linalg.norm(here - place) < 0.005]
+        if z < tool_height_mm and near and not down:
+            found.append(near[0])
+        down = z < tool_height_mm
+    return found
+
+
+def test_gcode_of_a_brush_goes_to_the_well_at_each_dip_and_to_the_water_first(dipped: Path) -> None:
+    strokes = made_strokes(dipped, BRUSH)
+    assert [stroke.color_srgb.tolist() for stroke in strokes] == [[1, 0, 0]] * 3 + [[0, 0, 1]]
+    assert [(stroke.dip, stroke.wash) for stroke in strokes] == [
+        (True, True), (False, False), (True, False), (True, True)
+    ]  # fmt: skip
+    lines = gcode_of(strokes, BRUSH).decode().splitlines()
+    places = load_rig("plotter_on_file").palette
+    assert places is not None
+    wells, water = list(places.wells_m), len(places.wells_m)
+    assert visits(lines, [*wells, places.water_m], -12.5) == [water, 0, 0, water, 1]
+    assert lines.count("M0") == 1 and "well 1: #ff0000, well 2: #0000ff" in lines[lines.index("M0") - 1]
+    assert [line for line in lines if line.startswith("(")][1:] == [
+        "(wash and wipe)", "(dip: well 1)", "(dip: well 1)", "(wash and wipe)", "(dip: well 2)"
+    ]  # fmt: skip
+
+
+def test_svg_of_a_brush_has_a_layer_with_a_visit_for_each_dip(dipped: Path) -> None:
+    document = drawing_of(made_strokes(dipped, BRUSH), BRUSH, (0.3, 0.2)).decode()
+    labels = re.findall(r'inkscape:label="([^"]*)"', document)
+    assert labels == ["1 dip 1 well 1 #ff0000", "2 dip 2 well 1 #ff0000", "3 dip 3 well 2 #0000ff"]
+    layers = [re.findall(r"<path[^>]*>", layer) for layer in document.split("<g ")[1:]]
+    # Water, cloth, well, two strokes; well, stroke; water, cloth, well, stroke.
+    assert [len(paths) for paths in layers] == [5, 2, 4]
+    places = load_rig("plotter_on_file").palette
+    assert places is not None
+    for layer, at, place in ((0, 0, places.water_m), (0, 1, places.cloth_m), (0, 2, places.wells_m[0]),
+                             (1, 0, places.wells_m[0]), (2, 2, places.wells_m[1])):  # fmt: skip
+        points = np.array([float(v) for v in re.findall(r"-?[\d.]+", layers[layer][at].split('"')[1])]).reshape(-1, 2)
+        assert points.mean(axis=0) == pytest.approx([1000 * place[0], 200 - 1000 * place[1]], abs=6)
+
+
+def test_svg_has_no_visits_where_the_sheet_reaches_the_wells(dipped: Path) -> None:
+    document = drawing_of(made_strokes(dipped, BRUSH), BRUSH, (0.6, 0.4)).decode()
+    assert re.findall(r'inkscape:label="([^"]*)"', document) == ["1 #ff0000", "2 #0000ff"]
+    assert document.count("<path") == 4
+
+
+def test_dips_of_a_recording_are_those_of_its_loads(dipped: Path) -> None:
+    """`since_reload` is 0 for the first stroke of a load, and a wash is due where the colour changes."""
+    rows = example_table(6, 1)
+    (dipped / "journal.jsonl").unlink()
+    (dipped / "record").mkdir()
+    pq.write_table(rows, dipped / "record/part.parquet")
+    strokes = made_strokes(dipped, BRUSH)
+    assert [stroke.dip for stroke in strokes] == [number == 0 for number in rows["since_reload"].to_pylist()]
+    assert all(stroke.dip for stroke in strokes if stroke.wash) and strokes[0].wash
 
 
 def test_recording_is_the_folders(duet: tuple[Path, PaintingState]) -> None:

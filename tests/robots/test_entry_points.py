@@ -14,10 +14,10 @@ DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entr
 
 
 def test_the_drivers_of_this_project_are_declared() -> None:
-    assert set(DECLARED) == {"gcode", "grbl", "xarm", "franka"}
+    assert set(DECLARED) == {"gcode", "grbl", "xarm", "franka", "lerobot"}
 
 
-@pytest.mark.parametrize("name", ["gcode", "grbl", "xarm", "franka"])
+@pytest.mark.parametrize("name", ["gcode", "grbl", "xarm", "franka", "lerobot"])
 def test_a_driver_refuses_a_table_of_another_machine_before_it_connects(name: str) -> None:
     module, _, function = DECLARED[name].partition(":")
     with pytest.raises(ConfigError, match=r"\[machine\] of rig bench: .*unknown keys \['engine'\]"):

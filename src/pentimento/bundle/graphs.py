@@ -26,6 +26,7 @@ from pentimento.planning.pushes.rollout import Pull as PushPull
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Marks, Pull, Span, StrokeTiming
 from pentimento.planning.strokes.target import fit_to_canvas
+from pentimento.robots.refill import Depletion
 from pentimento.robots.tools import Tool
 
 # Set before the import, which would otherwise write an identifier of this computer into the user's home.
@@ -138,6 +139,11 @@ class _GraphModel:
     def timing(self) -> StrokeTiming:
         """Timing of the robot that it was fitted on."""
         return self._facts.timing
+
+    @property
+    def depletion(self) -> Depletion | None:
+        """How the tool's load runs out."""
+        return self._facts.depletion
 
     @property
     def path_points(self) -> int:

@@ -9,6 +9,7 @@ from pentimento.control.safety import SafetyEnvelope
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.config import HandPlanConfig, PlannerConfig
+from pentimento.robots.refill import Depletion
 
 MAX_CELLS: Final = 256
 """Maximum number of cells in a pairing of the style objective; as in ``semantics.style``."""
@@ -64,6 +65,8 @@ class BrushFacts:
     path_points: int
     fitted: dict[str, Span]
     timing: StrokeTiming
+    depletion: Depletion | None
+    """How the tool's load runs out; None where the diagnosis did not establish that it does."""
     picks_up: bool
     """Whether the tool picks up wet paint: marks have a pickup."""
     has_gain: bool

@@ -22,7 +22,8 @@ from pentimento.contracts.frames import canvas_to_pixel, crop, image_shape, snap
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
-from pentimento.robots.tools import Tool, needs_dip
+from pentimento.robots.refill import needs_dip
+from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def rehearse(
         stroke = command.stroke
         if command.sheet != sheet:
             memory, sheet, image, clock_s = new_sheet(memory), command.sheet, blank.copy(), clock_s + _SHEET_S
-        before_s, dip = clock_s, needs_dip(tool, stroke, memory)
+        before_s, dip = clock_s, needs_dip(tool, stroke, memory, None)
         start_s = before_s + _BETWEEN_S + _DIP_S * dip
         event = StrokeEvent(stroke.path, start_s, dip, stroke.color_srgb)
         known, memory = covariates_and_advance(memory, event)

@@ -12,7 +12,8 @@ from pentimento.contracts.covariates import Memory, StrokeEvent, advance, covari
 from pentimento.contracts.errors import ContractError, PentimentoError
 from pentimento.contracts.plan import PlannedStroke
 from pentimento.robots.driver import Robot
-from pentimento.robots.tools import Tool, needs_dip, same_colour
+from pentimento.robots.refill import Depletion, needs_dip
+from pentimento.robots.tools import Tool, same_colour
 
 FloatArray = NDArray[np.float64]
 
@@ -61,11 +62,13 @@ def execute(
     palette_srgb: FloatArray,
     memory: Memory,
     session: Session,
+    depletion: Depletion | None = None,
 ) -> tuple[Memory, list[FloatArray]]:
     """Execute the strokes in order; returns the memory after them and the measured path of each [N, 5].
 
     The robot first changes to `tool` and loads `palette_srgb` [K, 3]; both do nothing if that is already the case. A
-    tool that dips is dipped where the stroke asks for it, where its colour changes (then it is wiped first) and after
+    tool that dips is dipped where the stroke asks for it, where its colour changes (then it is washed and wiped first)
+    and where its load has faded by the diagnosed ``depletion`` (`robots.refill.needs_dip`); without one, after
     `tool.strokes_per_dip` strokes. A tool with its own ink is never dipped.
 
     Raises ContractError, before anything moves, if a colour is not on the palette; ExecutionError when a
@@ -80,8 +83,9 @@ def execute(
     for index, stroke in enumerate(strokes):
         try:
             memory, executed = execute_stroke(
-                robot, tool, stroke, palette_srgb=palette_srgb, memory=memory, session=session
-            )
+                robot, tool, stroke, palette_srgb=palette_srgb, memory=memory, session=session,
+                depletion=depletion,
+            )  # fmt: skip
         except (PentimentoError, OSError, RuntimeError) as error:
             raise ExecutionError(
                 f"Stroke {index} of {len(strokes)} failed: {error} The {index} strokes before it were made; "
@@ -102,6 +106,7 @@ def execute_stroke(
     palette_srgb: FloatArray,
     memory: Memory,
     session: Session,
+    depletion: Depletion | None = None,
 ) -> tuple[Memory, ExecutedStroke]:
     """Execute one stroke, after the dip that it needs, with a robot that holds `tool` and has the palette loaded.
 
@@ -109,7 +114,7 @@ def execute_stroke(
     during the stroke.
     """
     paint = _paint_of(stroke, tool, palette_srgb, 0)
-    dip = needs_dip(tool, stroke, memory)
+    dip = needs_dip(tool, stroke, memory, depletion)
     if dip:
         if not same_colour(memory.last_color_srgb, stroke.color_srgb):
             robot.wipe()

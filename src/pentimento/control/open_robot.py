@@ -16,6 +16,7 @@ from pentimento.control.journal import JournaledRobot
 from pentimento.control.robot_process import RobotProcess
 from pentimento.robots.calibration import Calibration, Kind, calibrated, fresh_calibrations
 from pentimento.robots.driver import Robot
+from pentimento.robots.gcode import connect as gcode_file
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.machine import Machine
 from pentimento.robots.rig import Rig, load_rig
@@ -115,7 +116,7 @@ def open_robot(
     kind, _, place = name.partition(":")
     rig = rig_named(name)
     if rig is not None and not is_in_studio(name, execute):
-        return _hardware(rig, folder, calibration, ask)
+        return _hardware(rig, tool, folder=folder, calibration=calibration, ask=ask)
     if name == "svg":
         drawing = SvgPlotter(folder / _DRAWING, canvas_size_m)
         journaled = JournaledRobot(drawing, folder / JOURNAL, load_tool)
@@ -126,10 +127,11 @@ def open_robot(
     return RobotHandle(journaled, RobotTraits(True, True, _COMPILES_S, in_studio=True), journaled.close)
 
 
-def _hardware(rig: Rig, folder: Path, calibration: Path, ask: Callable[[str], None]) -> RobotHandle:
+def _hardware(rig: Rig, tool: Tool, *, folder: Path, calibration: Path, ask: Callable[[str], None]) -> RobotHandle:
     if rig.driver == _ON_FILE:
         rig = replace(rig, machine={**rig.machine, "file": str(folder / _GCODE)})
-        on_file = HardwareRobot(machine_of(rig), rig, lambda _: None)
+        file = gcode_file(rig)
+        on_file = HardwareRobot(file, rig, file.pause if tool.dips else lambda _: None)  # a person fills the wells
         journaled = JournaledRobot(on_file, folder / JOURNAL, load_tool)
         return RobotHandle(journaled, RobotTraits(False, True, _REACH_S), journaled.close)
     found = fresh_calibrations(calibration, rig, time.time(), MAX_AGE_S)

@@ -33,6 +33,7 @@ from pentimento.planning.strokes.render_plan import render_plan
 from pentimento.planning.strokes.scene import Meaning, Scene, Style, objective_for
 from pentimento.planning.strokes.shapes import ShapedStrokes, Shapes
 from pentimento.robots.driver import Robot
+from pentimento.robots.refill import too_long, with_dips
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
@@ -134,7 +135,7 @@ class _BatchByBatch:
     def execute(self, state: _BatchProgress, action: list[PlannedStroke]) -> _BatchProgress:
         memory, measured = execute(
             self.robot, state.scene.tool, action, palette_srgb=self.palette_srgb, memory=state.memory,
-            session=self.session,
+            session=self.session, depletion=state.scene.brush.depletion,
         )  # fmt: skip
         executed = (*state.executed, *action)
         scene = replace(
@@ -308,6 +309,18 @@ def commands(context: PaintContext, strokes: PlannedPaths) -> list[PlannedStroke
     return strokes.planned(context.tool, context.brush.path_points)
 
 
+def dips_of(context: PaintContext, strokes: PlannedPaths, memory: Memory) -> list[str]:
+    """Sentences on the dips of a plan that is executed from ``memory`` on; none for a tool with its own ink."""
+    tool, depletion = context.tool, context.of(strokes).brush.depletion
+    if not tool.dips or not len(strokes):
+        return []
+    planned = commands(context, strokes)
+    count = sum(stroke.dip for stroke in with_dips(planned, tool, memory, depletion))
+    times = "once" if count == 1 else f"{count} times"
+    long = too_long(planned, tool, depletion)
+    return [f"The {tool.name} is dipped {times}.", *([f"{long[0].upper()}{long[1:]}"] if long else [])]
+
+
 def objective_value(context: PaintContext, image: Array, goal: Image, start: Start) -> float:
     """The planner's objective for an image [H, W, 3] (linear light)."""
     return objective_for(context.scene(as_linear(goal), start), context.planner)(image)[0]
@@ -336,7 +349,7 @@ def add_persons_paint(memory: Memory, before: Image, now: Image, clock_s: float)
 
 def due_for_dip(memory: Memory, tool: Tool) -> Memory:
     """The memory of a tool that has waited: its paint has dried, so the tool is dipped before the next stroke."""
-    return replace(memory, since_reload=max(memory.since_reload, tool.strokes_per_dip)) if tool.dips else memory
+    return replace(memory, since_reload=max(memory.since_reload, tool.most_strokes_per_dip)) if tool.dips else memory
 
 
 def _copy(strokes: S) -> S:

@@ -59,7 +59,7 @@ from pentimento.robots.tools import Tool
 Picture = NDArray[np.uint8]
 
 SUMMARY = "painting.json"
-"""In a finished painting's folder: number of strokes, and errors by the planner's objective."""
+"""In a finished painting's folder: number of strokes and dips, and errors by the planner's objective."""
 
 _ROOM = 0.45
 """Maximum side of a thing that is drawn in a turn, in sides of the canvas: the next turns need room. Several things get
@@ -223,7 +223,9 @@ def run(
                         if commission.wanted.kind == "drawing":
                             drawn = drawn_plan(Path(commission.wanted.value), tool, canvas_size_m, envelope)
                         log = _planning_log(progress, context.in_hand(control.hand).planner)
-                        begin(session, first_goal, log=log, drawn=drawn)
+                        planned = begin(session, first_goal, log=log, drawn=drawn)
+                        if tool.dips:
+                            progress.message(planned.message)
                     ended = resume_session(session, wish if ended is None else "", expression)
             for message in write_drawings(folder, tool, canvas_size_m):
                 progress.message(message)
@@ -386,7 +388,10 @@ def _write_summary(folder: Path, context: PaintContext, state: PaintingState) ->
         name: objective_value(context, as_linear(picture), goal, start)
         for name, picture in (("plan", read_image(folder / PLAN)), ("canvas", state.canvas))
     }
-    summary = {"strokes": state.executed, "sessions": state.sessions, "turns": state.turns, "error": errors}
+    summary = {
+        "strokes": state.executed, "dips": state.memory.reload_id, "sessions": state.sessions, "turns": state.turns,
+        "error": errors,
+    }  # fmt: skip
     atomic_write(folder / SUMMARY, (json.dumps(summary, indent=2) + "\n").encode())
 
 

@@ -25,7 +25,7 @@ from pentimento.control.replay import REPLAY, replay_page
 from pentimento.robots.gcode import GcodeFile
 from pentimento.robots.gcode import connect as gcode_file
 from pentimento.robots.hardware import HardwareRobot
-from pentimento.robots.rig import load_rig
+from pentimento.robots.rig import Palette, load_rig
 from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import Tool, same_colour
 
@@ -46,6 +46,10 @@ class MadeStroke:
     """[N, 5]: t_s, x_m, y_m, z_m, yaw_rad, canvas frame."""
     color_srgb: FloatArray
     """[3]"""
+    dip: bool = False
+    """Whether the tool was dipped before it."""
+    wash: bool = False
+    """Whether the tool was washed and wiped before that dip."""
 
 
 def saved_files(folder: Path, tool: Tool, canvas_size_m: tuple[float, float]) -> Mapping[str, Callable[[], bytes]]:
@@ -57,7 +61,7 @@ def saved_files(folder: Path, tool: Tool, canvas_size_m: tuple[float, float]) ->
     return {
         PHOTOGRAPH: partial(_read, folder / PHOTOGRAPH),
         DRAWING: lambda: drawing_of(made_strokes(folder, tool), tool, canvas_size_m),
-        GCODE: lambda: gcode_of(made_strokes(folder, tool)),
+        GCODE: lambda: gcode_of(made_strokes(folder, tool), tool),
         RECORDING: lambda: recording_of(folder),
         REPLAY: lambda: replay_page(folder).encode(),
     }
@@ -74,7 +78,7 @@ def write_drawings(folder: Path, tool: Tool, canvas_size_m: tuple[float, float])
         return []
     atomic_write(folder / DRAWING, drawing_of(strokes, tool, canvas_size_m))
     try:
-        atomic_write(folder / GCODE, gcode_of(strokes))
+        atomic_write(folder / GCODE, gcode_of(strokes, tool))
     except PentimentoError as error:
         return [f"There is no {GCODE}: {error}"]
     return []
@@ -88,39 +92,85 @@ def made_strokes(folder: Path, tool: Tool) -> list[MadeStroke]:
     if not any((folder / RECORD).glob("*.parquet")):
         return []
     table = read_table(folder / RECORD, CONTRACT).table
-    paths, colors = (table[name].to_pylist() for name in ("path", "color_srgb"))
-    return [MadeStroke(np.array(path), np.array(color)) for path, color in zip(paths, colors, strict=True)]
+    paths, colors = ([np.array(row) for row in table[name].to_pylist()] for name in ("path", "color_srgb"))
+    since = table["since_reload"].to_pylist() if tool.dips else [1] * len(paths)
+    before = [np.full(3, np.nan), *colors]
+    return [
+        MadeStroke(path, color, number == 0, number == 0 and not same_colour(color, last))
+        for path, color, number, last in zip(paths, colors, since, before[: len(paths)], strict=True)
+    ]
 
 
 def drawing_of(strokes: list[MadeStroke], tool: Tool, canvas_size_m: tuple[float, float]) -> bytes:
-    """An SVG drawing, in millimetres. Raises ConfigError where there is no stroke."""
+    """An SVG drawing, in millimetres. With a tool that dips, each dip begins a layer with the visit to the well, at the
+    places of the rig `plotter_on_file`; without visits where these lie on the sheet or are too few.
+
+    Raises:
+        ConfigError: there is no stroke.
+    """
     _check_any(strokes)
-    plotter = SvgPlotter(Path(DRAWING), canvas_size_m)
+    places = _places(strokes, tool, canvas_size_m)
+    plotter = SvgPlotter(Path(DRAWING), canvas_size_m, places)
     plotter.change_tool(replace(tool, color_srgb=None, strokes_per_dip=1))  # the strokes have their colours
+    paints = _paints(strokes)
+    plotter.load_palette(paints)
     for stroke in strokes:
-        plotter.load_palette(stroke.color_srgb[None])
-        plotter.dip(0)
+        if stroke.wash:
+            plotter.wipe()
+        if stroke.dip or places is None:
+            plotter.dip(_paint_of(stroke, paints))
         plotter.move(stroke.path)
     return plotter.document().encode()
 
 
-def gcode_of(strokes: list[MadeStroke]) -> bytes:
-    """G-code for the rig `plotter_on_file`, with a pause (M0) before each stroke of another colour.
+def gcode_of(strokes: list[MadeStroke], tool: Tool) -> bytes:
+    """G-code for the rig `plotter_on_file`. With a tool that dips, it pauses (M0) until the wells are filled, and goes
+    to the water, the cloth and the wells where the robot did.
 
     Raises:
         ConfigError: there is no stroke.
-        MachineError: a stroke lies outside the plotter's reach.
+        ContractError: the strokes have more colours than the rig has wells.
+        EnvelopeViolation: a stroke lies outside the plotter's reach.
     """
     _check_any(strokes)
     rig = load_rig(_PLOTTER)
     file: GcodeFile = gcode_file(rig)
-    robot, color = HardwareRobot(file, rig, lambda _: None), strokes[0].color_srgb
+    robot, paints = HardwareRobot(file, rig, file.pause), _paints(strokes)
+    if tool.dips:
+        robot.load_palette(paints)
     for stroke in strokes:
-        if not same_colour(stroke.color_srgb, color):
-            color = stroke.color_srgb
-            file.pause("colour " + "".join(f"{round(255 * float(value)):02x}" for value in color))
+        if stroke.wash:
+            file.note("wash and wipe")
+            robot.wipe()
+        if stroke.dip:
+            paint = _paint_of(stroke, paints)
+            file.note(f"dip: well {paint + 1}")
+            robot.dip(paint)
         robot.move(stroke.path)
     return file.text().encode()
+
+
+def _paints(strokes: list[MadeStroke]) -> FloatArray:
+    """[K, 3]: the colours of the strokes, in the order of first use."""
+    paints = list[FloatArray]()
+    for stroke in strokes:
+        if not any(same_colour(stroke.color_srgb, paint) for paint in paints):
+            paints.append(stroke.color_srgb)
+    return np.array(paints)
+
+
+def _paint_of(stroke: MadeStroke, paints: FloatArray) -> int:
+    return next(number for number, paint in enumerate(paints) if same_colour(stroke.color_srgb, paint))
+
+
+def _places(strokes: list[MadeStroke], tool: Tool, canvas_size_m: tuple[float, float]) -> Palette | None:
+    """Where a plotter's paints stand; None for a tool that is not dipped, for a sheet that reaches there, and where
+    there are more colours than wells."""
+    rig = load_rig(_PLOTTER)
+    places, (width_m, height_m) = rig.palette, canvas_size_m
+    fits = width_m <= rig.canvas_size_m[0] and height_m <= rig.canvas_size_m[1]
+    enough = places is not None and len(_paints(strokes)) <= len(places.wells_m)
+    return places if tool.dips and fits and enough else None
 
 
 def recording_of(folder: Path) -> bytes:
@@ -138,7 +188,7 @@ def recording_of(folder: Path) -> bytes:
 def _journaled(journal: Path, tool: Tool) -> list[MadeStroke]:
     """The strokes of a journal, see `journal.Journal`; what a line is painted with is what was dipped in before."""
     own = None if tool.color_srgb is None else np.array(tool.color_srgb)
-    palette, color = np.zeros((0, 3)), own
+    palette, color, dip, wash = np.zeros((0, 3)), own, False, False
     strokes = []
     text = journal.read_bytes()
     for line in text[: text.rfind(b"\n") + 1].splitlines():
@@ -148,8 +198,12 @@ def _journaled(journal: Path, tool: Tool) -> list[MadeStroke]:
                 palette = np.array(arguments[0], dtype=np.float64)
             case "dip":
                 color = palette[arguments[0]] if own is None else own
+                dip = tool.dips
+            case "wipe":
+                wash = tool.dips
             case "move":
-                strokes.append(MadeStroke(np.array(arguments[0]), np.zeros(3) if color is None else color))
+                strokes.append(MadeStroke(np.array(arguments[0]), np.zeros(3) if color is None else color, dip, wash))
+                dip = wash = False
     return strokes
 
 

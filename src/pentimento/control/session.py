@@ -31,6 +31,7 @@ from pentimento.control.painter import (
     add_persons_paint,
     as_picture,
     commands,
+    dips_of,
     due_for_dip,
     first_plan,
     predict_canvas,
@@ -44,7 +45,7 @@ from pentimento.control.undo import remember
 from pentimento.control.workplace import OBSERVE_S, PLAN_S, PaintingSession, Workplace
 from pentimento.planning.strokes.memory import Start
 from pentimento.planning.strokes.paths import PlannedPaths
-from pentimento.robots.tools import needs_dip
+from pentimento.robots.refill import needs_dip
 
 Picture = NDArray[np.uint8]
 
@@ -98,7 +99,8 @@ def begin(
     state = PaintingState(
         remaining=remaining, pending=False, palette_srgb=palette, memory=start.memory, canvas=canvas, goal=goal,
         executed=0, sessions=0, shard=0, turns=0, lines=0, clock_s=0.0, robot_clock_s=robot.clock_s, unix_s=time.time(),
-        phase="painting", message=f"{len(remaining)} strokes are planned.", hand=session.control.hand,
+        phase="painting", hand=session.control.hand,
+        message=" ".join([f"{len(remaining)} strokes are planned.", *dips_of(context, remaining, start.memory)]),
     )  # fmt: skip
     write_png(session.folder / PLAN, as_picture(predict_canvas(context, remaining, canvas, start)))
     write_pictures(session.folder, session.context, state, session.replan_every)
@@ -201,12 +203,13 @@ class _StrokeByStroke:
         number = state.executed + 1
         stroke, remaining = state.remaining.pick(slice(0, 1)), state.remaining.pick(slice(1, None))
         expected = predict_canvas(self.context, stroke, state.canvas, self.at.start_of(state))
-        travels = 3 if needs_dip(self.tool, action, state.memory) else 1
+        depletion = self.context.of(stroke).brush.depletion
+        travels = 3 if needs_dip(self.tool, action, state.memory, depletion) else 1
         duration_s = travels * self.session.traits.reach_s + _MAX_SLOWDOWN * float(action.path[-1, 0])
         self.at.watchdog.beat(duration_s, f"stroke {number}")
         memory, executed = execute_stroke(
             self.at.robot, self.tool, action, palette_srgb=state.palette_srgb, memory=state.memory,
-            session=self.at.recorded,
+            session=self.at.recorded, depletion=depletion,
         )  # fmt: skip
         self.at.watchdog.beat(OBSERVE_S, f"the look after stroke {number}")
         canvas, self.last_visible = as_picture(expected), None
@@ -282,8 +285,9 @@ class _StrokeByStroke:
     def _resumed(self, state: PaintingState, canvas: Picture) -> PaintingState:
         """The state of an earlier session, continued on the canvas as it is now."""
         if state.pending and self._was_executed(state, canvas):
-            (stroke,) = commands(_asked(self.session), state.remaining.pick(slice(0, 1)))
-            dip = needs_dip(self.tool, stroke, state.memory)
+            pending = state.remaining.pick(slice(0, 1))
+            (stroke,) = commands(_asked(self.session), pending)
+            dip = needs_dip(self.tool, stroke, state.memory, self.context.of(pending).brush.depletion)
             started_s = state.clock_s + self.context.brush.timing.reach_s
             memory = advance(state.memory, StrokeEvent(stroke.path, started_s, dip, stroke.color_srgb))
             remaining = state.remaining.pick(slice(1, None))

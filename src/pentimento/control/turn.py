@@ -17,7 +17,7 @@ from pentimento.control.drawn import drawn_strokes
 from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.layout import Wish
 from pentimento.control.loop import Interrupt
-from pentimento.control.painter import as_picture, first_plan, predict_canvas
+from pentimento.control.painter import as_picture, dips_of, first_plan, predict_canvas
 from pentimento.control.person import Order
 from pentimento.control.pictures import GOALS, PLAN, write_pictures
 from pentimento.control.recording import PIXELS_PER_M
@@ -184,7 +184,8 @@ def _wished(at: Workplace, state: PaintingState, words: str, expression: Express
     write_png(turns / f"{state.turns:03d}_goal.png", goal)
     write_turn(session.folder, replace(turn, planned=len(remaining)))
     how = [expression.sentence()] if expression.said else []
-    message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *how, *_sentences(proposal)])
+    dips = dips_of(context, remaining, state.memory)
+    message = " ".join([f"{len(remaining)} strokes are planned for: {words}.", *how, *dips, *_sentences(proposal)])
     predicted = predict_canvas(context, remaining, state.canvas, at.start_of(state))
     write_png(session.folder / PLAN, as_picture(predicted))
     state = replace(state, remaining=remaining, palette_srgb=palette, goal=goal, phase="painting", message=message)

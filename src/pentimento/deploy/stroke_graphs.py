@@ -13,7 +13,13 @@ from torch import Tensor
 from pentimento.bundle.manifest import BrushFacts
 from pentimento.deploy.graphs import Graph, compared, export, generator
 from pentimento.dynamics.strokes.extended import StrokeModel
-from pentimento.dynamics.strokes.planned import BezierTensors, commanded_paths, marks_of_paths, planned_marks
+from pentimento.dynamics.strokes.planned import (
+    BezierTensors,
+    commanded_paths,
+    depletion_of,
+    marks_of_paths,
+    planned_marks,
+)
 from pentimento.dynamics.strokes.simulation import Mechanism, View
 from pentimento.robots.tools import Tool
 
@@ -94,7 +100,13 @@ def brush_graphs(
     if camera:
         graphs[f"{name}_gain"] = _gain_graph(f"{name}_gain", camera, tool, canvas_m=canvas_m, tolerance=tolerance)
     facts = BrushFacts(
-        tool.name, path_points, dict(model.fitted), model.timing, picks_up="pickup" in found, has_gain=bool(camera)
+        tool.name,
+        path_points,
+        dict(model.fitted),
+        model.timing,
+        depletion_of(model),
+        picks_up="pickup" in found,
+        has_gain=bool(camera),
     )
     return facts, graphs
 

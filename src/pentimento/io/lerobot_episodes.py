@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.images import decode_image
 from pentimento.contracts.picture_files import PictureError
 from pentimento.io.lerobot_folder import Dataset, read_numbers, rows_by_episode
+from pentimento.io.pyav_video import pyav_capture
 from pentimento.io.stroke_rows import Refused
 
 Picture = NDArray[np.uint8]
@@ -67,23 +68,22 @@ def _decoded(pair: list[Any], shape: list[int]) -> Pair | Refused:
 
 @contextmanager
 def opened_video(file: Path) -> Iterator[Any]:
-    """An MP4 file as OpenCV's capture, which has grabbed its first picture.
+    """An MP4 file as OpenCV's capture, which has grabbed its first picture; as `pyav_video.Capture` where OpenCV cannot
+    decode it and PyAV is installed (extra `video`).
 
     Raises:
-        Refused: it is none, it is cut off, or this OpenCV cannot decode it.
+        Refused: it is none, it is cut off, or it cannot be decoded here.
     """
     with file.open("rb") as opened:
         if opened.read(8)[4:] != _MP4:
             raise Refused(f"its file {file.name} is no MP4 video")
         if not _is_whole(opened):
             raise Refused(f"its file {file.name} is cut off; copy it again")
-    capture = cv2.VideoCapture(str(file.absolute()), cv2.CAP_FFMPEG)  # absolute: no name then begins with a protocol
+    capture: Any = cv2.VideoCapture(str(file.absolute()), cv2.CAP_FFMPEG)  # absolute: no name begins with a protocol
     try:
         if not (capture.isOpened() and capture.grab()):
-            raise Refused(
-                f"its video {file.name} cannot be decoded by this build of OpenCV; encode it again as H.264, or keep "
-                "its pictures as images"
-            )
+            capture.release()
+            capture = pyav_capture(file)
         yield capture
     finally:
         capture.release()

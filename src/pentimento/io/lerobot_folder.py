@@ -116,7 +116,9 @@ def open_dataset(folder: Path) -> Dataset:
     if version != VERSION:
         older = isinstance(version, str) and version.startswith(("v1.", "v2."))
         convert = (
-            " Convert the dataset with LeRobot's own scripts first: convert_dataset_v21_to_v30 is the last of them."
+            " Convert it with LeRobot's own script first: "
+            "python -m lerobot.scripts.convert_dataset_v21_to_v30 --repo-id=NAME --root=FOLDER "
+            "--push-to-hub=false."
         )
         raise ContractError(
             f"{where} is of version {_short(version)}, and {VERSION} is what can be read.{convert if older else ''}"

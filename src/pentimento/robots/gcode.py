@@ -27,6 +27,7 @@ PREAMBLE = ("G21", "G90", "G94")
 """Millimetres, absolute places, feeds in millimetres a minute."""
 _SERVO_S = 0.25
 """Time for a servo to raise or lower the pen."""
+_NO_BRACKETS = str.maketrans("()", "[]")  # a comment ends at its first bracket
 _UPRIGHT = 1e-3  # max slope of the canvas's normal against the machine's z
 
 
@@ -132,9 +133,14 @@ class GcodeFile:
         """The commands so far, and the pen up. M5 would take a servo to 0."""
         return "\n".join((*self._lines, *(servo_lines(self._pen, down=False) if self._pen.kind == "servo" else ()), ""))
 
+    def note(self, what: str) -> None:
+        """A comment before the commands that follow."""
+        self._lines.append("(" + what.translate(_NO_BRACKETS) + ")")
+
     def pause(self, why: str) -> None:
         """Wait for the person, where the tool is, until the controller is told to go on."""
-        self._lines += [f"({why})", "M0"]
+        self.note(why)
+        self._lines.append("M0")
 
 
 def connect(rig: Rig) -> GcodeFile:

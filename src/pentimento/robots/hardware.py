@@ -31,11 +31,11 @@ FloatArray = NDArray[np.float64]
 
 LIFT_WITHIN_S = 2.0
 """Max time for a halted move to come to rest; after it, lifting counts as failed."""
-_STIR_M = 0.006
+STIR_M = 0.006
 """Length of a rub in a well of paint or water."""
-_WIPE_M = 0.03
+WIPE_M = 0.03
 """Length of a rub on the cloth."""
-_WIPES = 3
+WIPES = 3
 
 
 class HardwareRobot:
@@ -100,13 +100,13 @@ class HardwareRobot:
                 f"Paint {paint} is not on the palette, which has {len(self._palette_srgb)} paints; "
                 "load a palette that holds it."
             )
-        self._rub(self._places().wells_m[paint], _STIR_M, 1, "dip")
+        self._rub(self._places().wells_m[paint], STIR_M, 1, "dip")
 
     def wipe(self) -> None:
         """Wash in the water, then wipe on the cloth."""
         places = self._places()
-        self._rub(places.water_m, _STIR_M, _WIPES, "wash")
-        self._rub(places.cloth_m, _WIPE_M, _WIPES, "wipe")
+        self._rub(places.water_m, STIR_M, WIPES, "wash")
+        self._rub(places.cloth_m, WIPE_M, WIPES, "wipe")
 
     def move(self, path: FloatArray) -> FloatArray:
         points = on_surface(np.asarray(path, dtype=np.float64), self._rig)

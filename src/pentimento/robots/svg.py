@@ -13,12 +13,16 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.observations import Photo
 from pentimento.robots.driver import MissingAbilityError
+from pentimento.robots.hardware import STIR_M, WIPE_M, WIPES
+from pentimento.robots.rig import Palette
 from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
 
 _INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
 """Namespace of the attributes that make a group a layer."""
+_WASH = "#808080"
+"""Colour of the visits to the water and to the cloth."""
 
 
 class SvgPlotter:
@@ -31,17 +35,27 @@ class SvgPlotter:
 
     Each colour is a layer, as Inkscape and vpype know them, in the order of first use; a layer's strokes are in the
     order in which they were made. Where strokes of several colours overlap, the drawing shows the later layer on top.
+
+    With the places of paints, each dip begins a layer instead, so that a plotter that draws the layers in their order
+    refills where the robot did: the layer's first path is the visit to the paint's well, after those to the water and
+    to the cloth where the tool was wiped. Wells lie outside the sheet, so a viewer does not show them.
     """
 
-    def __init__(self, path: Path, canvas_size_m: tuple[float, float]) -> None:
+    def __init__(self, path: Path, canvas_size_m: tuple[float, float], places: Palette | None = None) -> None:
+        """``places`` of the paints; None for a drawing without visits to them."""
         self._path = Path(path)
         self._canvas_size_m = canvas_size_m
+        self._places = places
+        self._wash: list[str] = []
+        """Visits to the water and to the cloth since the last dip."""
+        self._dips = 0
         self._clock_s = 0.0
         self._tool: Tool | None = None
         self._palette_srgb: FloatArray = np.zeros((0, 3))
         self._color_srgb: FloatArray | None = None
         self._layers: dict[str, list[str]] = {}
-        """The paths of each colour."""
+        """The paths of each layer, by its label."""
+        self._layer = ""
         self._closed = False
 
     @property
@@ -69,10 +83,27 @@ class SvgPlotter:
                 "load a palette that holds it."
             )
         self._color_srgb = self._palette_srgb[paint].copy()
+        if self._places is None:
+            return
+        if paint >= len(self._places.wells_m):
+            raise ContractError(
+                f"Paint {paint + 1} has no well: the rig has {len(self._places.wells_m)}; plan with fewer paints."
+            )
+        self._dips += 1
+        color = _hex(self._color_srgb)
+        self._layer = f"dip {self._dips} well {paint + 1} {color}"
+        visit = self._visit(self._places.wells_m[paint], STIR_M, times=1, color=color)
+        self._layers[self._layer] = [*self._wash, visit]
+        self._wash = []
 
     def wipe(self) -> None:
         if self._tool is None or self._tool.dips:
             self._color_srgb = None
+        if self._places is not None:
+            self._wash = [
+                self._visit(self._places.water_m, STIR_M, times=WIPES, color=_WASH),
+                self._visit(self._places.cloth_m, WIPE_M, times=WIPES, color=_WASH),
+            ]
 
     def move(self, path: FloatArray) -> FloatArray:
         """Draw one stroke. A plotter measures nothing, so the result is NaN throughout, [N, 5]."""
@@ -86,9 +117,8 @@ class SvgPlotter:
         data = _path_data(points, self._canvas_size_m[1])
         if data:
             color = _hex(self._color_srgb)
-            self._layers.setdefault(color, []).append(
-                f'<path d={quoteattr(data)} stroke="{color}" stroke-width="{_mm(self._tool.nominal_width_m)}"/>'
-            )
+            layer = color if self._places is None else self._layer
+            self._layers.setdefault(layer, []).append(self._drawn(data, color))
         self._clock_s += float(points[-1, 0])
         return np.full(points.shape, np.nan)
 
@@ -127,10 +157,19 @@ class SvgPlotter:
             'fill="none" stroke-linecap="round" stroke-linejoin="round">'
         )
         lines = ['<?xml version="1.0" encoding="UTF-8"?>', head]
-        for number, (color, paths) in enumerate(self._layers.items(), 1):
-            name = f'id="layer{number}" inkscape:groupmode="layer" inkscape:label="{number} {color}"'
+        for number, (label, paths) in enumerate(self._layers.items(), 1):
+            name = f'id="layer{number}" inkscape:groupmode="layer" inkscape:label="{number} {label}"'
             lines += [f"<g {name}>", *paths, "</g>"]
         return "\n".join((*lines, "</svg>", ""))
+
+    def _visit(self, place_m: tuple[float, float], length_m: float, *, times: int, color: str) -> str:
+        """To and fro along y about a place outside the sheet, as hardware does it."""
+        low, high = ([0.0, place_m[0], place_m[1] + side * length_m / 2, 0.0, 0.0] for side in (-1, 1))
+        return self._drawn(_path_data(np.array([low, *[high, low] * times]), self._canvas_size_m[1]), color)
+
+    def _drawn(self, data: str, color: str) -> str:
+        width_m = 0.0 if self._tool is None else self._tool.nominal_width_m
+        return f'<path d={quoteattr(data)} stroke="{color}" stroke-width="{_mm(width_m)}"/>'
 
 
 def _path_data(path: FloatArray, height_m: float) -> str:

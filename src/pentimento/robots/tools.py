@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.codec import find_toml, from_table, read_toml
-from pentimento.contracts.covariates import Memory
 from pentimento.contracts.errors import ConfigError
-from pentimento.contracts.plan import PlannedStroke
 
 Medium = Literal["ink", "acrylic"]
 ToolKind = Literal["marker", "round", "flat"]
@@ -45,7 +43,12 @@ class Tool:
     speed_m_s: float
     speed_range_m_s: tuple[float, float]
     strokes_per_dip: int
-    """0 for a tool that is never dipped."""
+    """Strokes of one load where no depletion is diagnosed; 0 for a tool that is never dipped."""
+    max_strokes_per_dip: int | None = None
+    """Maximum with a diagnosed depletion, which decides below it; None for `strokes_per_dip`."""
+    max_fade: float | None = None
+    """Share of a fresh load's darkness that may be missing at a stroke's end (see `robots.refill`); None to dip by
+    count alone."""
     color_srgb: tuple[float, float, float] | None = None
     """None where the colour comes from the palette."""
 
@@ -53,6 +56,11 @@ class Tool:
     def dips(self) -> bool:
         """Whether the tool takes its paint from a palette."""
         return self.strokes_per_dip > 0
+
+    @property
+    def most_strokes_per_dip(self) -> int:
+        """The tool's limit of strokes of one load, however little it fades."""
+        return self.strokes_per_dip if self.max_strokes_per_dip is None else self.max_strokes_per_dip
 
 
 @dataclass(frozen=True)
@@ -116,6 +124,13 @@ def load_tool(name_or_path: str | Path) -> Tool:
         raise ConfigError(f"{where}: press_range {tool.press_range_m} m must rise from 0 or more.")
     if tool.strokes_per_dip < 0:
         raise ConfigError(f"{where}: strokes_per_dip is {tool.strokes_per_dip}; it is 0 (never) or more.")
+    if tool.most_strokes_per_dip < tool.strokes_per_dip or (not tool.dips and tool.most_strokes_per_dip):
+        raise ConfigError(
+            f"{where}: max_strokes_per_dip is {tool.max_strokes_per_dip}; it is strokes_per_dip "
+            f"({tool.strokes_per_dip}) or more, and left out for a tool that is never dipped."
+        )
+    if tool.max_fade is not None and not 0 < tool.max_fade < 1:
+        raise ConfigError(f"{where}: max_fade is {tool.max_fade}; it is a share above 0 and below 1.")
     if not tool.dips and tool.color_srgb is None:
         raise ConfigError(f"{where}: a tool that never dips (strokes_per_dip = 0) needs color_srgb.")
     if tool.color_srgb is not None and not all(0 <= channel <= 1 for channel in tool.color_srgb):
@@ -183,14 +198,6 @@ def _check(found: Tool | EndEffector, where: str) -> None:
 
 def _is_range(value: object) -> bool:
     return isinstance(value, tuple) and len(value) == 2
-
-
-def needs_dip(tool: Tool, stroke: PlannedStroke, memory: Memory) -> bool:
-    """Whether the tool must be dipped before the stroke, for the executor and for the planner."""
-    if not tool.dips:
-        return False
-    changes = not same_colour(memory.last_color_srgb, stroke.color_srgb)  # also where nothing is known yet
-    return stroke.dip or changes or memory.since_reload >= tool.strokes_per_dip
 
 
 def same_colour(one_srgb: NDArray[np.float64], other_srgb: NDArray[np.float64]) -> bool:

@@ -1,5 +1,7 @@
 """Inherited covariates of a plan: as execution records them, by order and dips, and only where a model needs them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -36,7 +38,7 @@ Array = NDArray[np.float32]
 
 SIZE_M = (0.30, 0.20)
 POINTS = 16
-BRUSH = load_tool("round_brush")
+BRUSH = replace(load_tool("round_brush"), max_fade=None)  # dips by count
 PARAMETERS = Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 1.0, 2e-3, 0.2, 0.9)
 WIDE = Span(-1e6, 0.0, 1e6)
 ALL = ("since_reload", "reload_id", "ink_since_reload_m", "tool_age_m", "wet_age_s", "t_start_s", "order")

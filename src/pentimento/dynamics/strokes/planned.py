@@ -14,10 +14,12 @@ import torch
 from torch import Tensor
 
 from pentimento.dynamics.strokes.extended import StrokeModel
+from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.simulation import Mechanism, StrokeContext, View, final_mark
 from pentimento.planning.strokes.bezier import Strokes
 from pentimento.planning.strokes.brush import Array, Marks, Pull, Span, StrokeTiming
 from pentimento.robots.motion import ACCELERATION_M_S2
+from pentimento.robots.refill import Depletion
 from pentimento.robots.strokes import press_basis, shape_basis
 from pentimento.robots.tools import Tool
 
@@ -69,6 +71,18 @@ def marks_of_paths(
     return tuple(values[0] for values in fields)
 
 
+def depletion_of(model: StrokeModel) -> Depletion | None:
+    """How the tool's load runs out, by the mechanism ``ink_depletion``; None for a model without it.
+
+    The loss of darkness, density times width, is the sum of both quantities.
+    """
+    for mechanism in model.mechanisms:
+        if isinstance(mechanism, InkDepletion):
+            loss = float(mechanism.values.detach().sum()) / mechanism.reference["since"]
+            return Depletion("since_reload" if mechanism.reference["column"] else "ink_since_reload_m", loss)
+    return None
+
+
 def commanded_paths(strokes: BezierTensors, points: int, tool: Tool) -> Tensor:
     """Commanded paths [S, N, 5] of Bézier strokes, with times and yaw."""
     return _commanded(_geometry(strokes, points), strokes.theta_rad, tool)
@@ -117,6 +131,11 @@ class TorchBrush:
     def timing(self) -> StrokeTiming:
         """As recorded."""
         return self.model.timing
+
+    @property
+    def depletion(self) -> Depletion | None:
+        """Of the mechanism ``ink_depletion``."""
+        return depletion_of(self.model)
 
     def marks(self, strokes: Strokes, inherited: Mapping[str, Array]) -> tuple[Marks, Pull]:
         """See ``planning.strokes.brush.Brush``. The way back may be gone once."""

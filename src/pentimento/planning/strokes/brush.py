@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.planning.strokes.bezier import Strokes
+from pentimento.robots.refill import Depletion
 from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
@@ -77,6 +78,10 @@ class Brush(Protocol):
     @property
     def timing(self) -> StrokeTiming:
         """Timing of the robot whose strokes the model was fitted to."""
+
+    @property
+    def depletion(self) -> Depletion | None:
+        """How the tool's load runs out. None where the diagnosis did not establish that it does."""
 
     @property
     def path_points(self) -> int:

@@ -27,7 +27,8 @@ from pentimento.contracts.plan import PlannedStroke
 from pentimento.planning.strokes.brush import Brush, Span
 from pentimento.planning.strokes.paths import PlannedPaths
 from pentimento.robots.motion import ACCELERATION_M_S2
-from pentimento.robots.tools import Tool, needs_dip
+from pentimento.robots.refill import needs_dip
+from pentimento.robots.tools import Tool
 
 Array = NDArray[np.float32]
 
@@ -113,7 +114,7 @@ def planned_covariates(
         memory = without_canvas(memory)
     rows = []
     for order, (path, color) in enumerate(zip(paths, colors, strict=True), start=start.made):
-        dip = needs_dip(tool, PlannedStroke(path, color, dip=False), memory)
+        dip = needs_dip(tool, PlannedStroke(path, color, dip=False), memory, brush.depletion)
         clock_s += timing.reach_s + (timing.dip_s if dip else 0.0)
         event = StrokeEvent(path, clock_s, dip, color)
         carried = paint_pickup(memory, event) if carries else {}
