@@ -23,7 +23,7 @@ def test_raters_who_prefer_the_first_condition_are_found(tmp_path: Path) -> None
     answers = read_answers(save(tmp_path, key, preferring(FIRST, 0.8, np.random.default_rng(0))), key)
     (found,) = preferences(answers, key)
     assert found.by_answer is not None and found.by_rater is not None and found.by_item is not None
-    assert found.by_answer.of == 168 and found.by_answer.interval[0] < 0.8 < found.by_answer.interval[1]
+    assert found.by_answer.of == 168 and abs(found.by_answer.share - 0.8) < 3 * np.sqrt(0.8 * 0.2 / 168)
     assert max(found.by_answer.p, found.by_rater.p, found.by_item.p) < 0.001
     assert f"{found.by_rater.hits} of {found.by_rater.of}" in "\n".join(result_lines(answers, key))
 
