@@ -102,9 +102,14 @@ found = diagnose(problem, seed=0, log=lambda line: None)
 content = verdict(found)
 print(content["text"])
 figure = content["gap_closed"]["test"]
-print(f"Fraction of the gap closed: {figure:.2f}")
+print(f"Fraction of the gap closed: {figure:.3f}")
 
 # %% [markdown]
+# The cause that was hidden is named, and its quantity has a unit and an error. *Structured residual* is the next
+# lead: in the simulator the drag falls exponentially with the temperature, in the recording as 1 over a straight
+# line. The small difference is left, and the diagnosis says which parameter would have to follow which column to
+# explain it.
+#
 # The left picture shows, for each push, how far the cart came beyond the simulator's prediction: the warmer the room,
 # the farther. On the right, the simulator knows the cause, and noise is left.
 #
