@@ -99,6 +99,8 @@ print(f"IoU on held-out strokes: {figure:.3f}")
 print("the same, trained again:", held_out_iou(again) == figure)
 
 # %% [markdown]
+# It saw nine strokes, three times: this is no good model yet, but everybody gets the same one.
+#
 # The picture shows the first nine photographs with the commanded paths. The ink lies beside the lines: that is the
 # error which the model has to learn.
 #
