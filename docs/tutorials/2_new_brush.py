@@ -32,7 +32,8 @@ torch.set_num_threads(1)
 # ## What you tell the robot
 #
 # A tool file holds what is on the package or can be measured with a ruler: a width, how far the brush may be pressed,
-# how fast it may move. Nothing in it says what a stroke looks like.
+# how fast it may move. Nothing in it says what a stroke looks like. The name is that of the studio's brush, which
+# stands for yours.
 
 # %%
 TOOL = """
@@ -77,7 +78,7 @@ canvas_m = (0.3, 0.2)
 robot = GuardedRobot(virtual_robot("round_brush", canvas_m, 1), envelope_for(tool, canvas_m))
 rows = collect_strokes(robot, tool, config, lambda name, value, step: None, None)
 table = pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optional=set(rows[0])))
-print(f"{table.num_rows} strokes on {len(set(table['surface'].to_pylist()))} sheets")
+print(f"{table.num_rows} strokes on {len(set(table['surface_id'].to_pylist()))} sheets")
 
 # %% [markdown]
 # ## What a model learns

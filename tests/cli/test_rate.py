@@ -57,6 +57,8 @@ def test_what_is_missing_or_broken_ends_in_a_sentence(folders: Path, capsys: pyt
         return said
 
     assert "shows a text beside" in refused(pages(folders))
+    alone = ["rate", "pages", "--study", "text", f"--condition=a={folders / FIRST}", "--raters", "1", "--out", "x"]
+    assert "two times or more" in refused(main(alone))
     assert "no study named 'taste'" in refused(pages(folders, study="taste"))
     (folders / "captions/item2.txt").unlink()
     assert "no text of item2" in refused(pages(folders, "--references", str(folders / "captions")))

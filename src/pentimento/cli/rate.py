@@ -15,12 +15,15 @@ _COMMAND = "pentimento rate pages"
 def _pages(arguments: argparse.Namespace) -> None:
     from pentimento.contracts.atomic import command_folder
     from pentimento.contracts.codec import to_plain
+    from pentimento.contracts.errors import ConfigError
 
     with workshop("write pages"):
         from pentimento.rating.folders import read_items, read_references, telling_shapes
         from pentimento.rating.page import pages, trials_of
         from pentimento.rating.study import read_study
     study, conditions = read_study(arguments.study), dict(arguments.condition)
+    if len(conditions) < 2 and study.form != "panel":
+        raise ConfigError("This study compares conditions; give --condition NAME=FOLDER two times or more.")
     items = read_items(conditions)
     references = read_references(study, arguments.references, conditions if study.form == "match" else items)
     trials = trials_of(study, items, references)
@@ -41,11 +44,7 @@ def _pages(arguments: argparse.Namespace) -> None:
 
 def _pages_problem(arguments: argparse.Namespace) -> str | None:
     names = [name for name, _ in arguments.condition]
-    if len(set(names)) < len(names):
-        return "every --condition needs a name of its own"
-    if len(names) < 2 and arguments.study != "panel":
-        return "give two --condition NAME=FOLDER or more"
-    return None
+    return "every --condition needs a name of its own" if len(set(names)) < len(names) else None
 
 
 def _results(arguments: argparse.Namespace) -> None:
