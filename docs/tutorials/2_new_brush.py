@@ -56,12 +56,12 @@ print(f"{tool.nominal_width_m * 1e3:.0f} mm wide, strokes of up to {tool.stroke_
 # %% [markdown]
 # ## What the robot makes of it
 #
-# Forty strokes, all different: lengths, bends, presses and speeds are drawn at random, so that no two causes of an
+# Thirty strokes, all different: lengths, bends, presses and speeds are drawn at random, so that no two causes of an
 # error always come together. Every stroke passes a safety envelope that follows from the tool file.
 
 # %%
 config = CollectionConfig(
-    strokes=40,
+    strokes=30,
     repeated=3,
     times=2,
     crossing_share=0.3,
@@ -92,7 +92,7 @@ training_config = TrainingConfig(
     path_points=32,
     pixels_per_m="auto",
     margin_m="auto",
-    epochs=10,
+    epochs=8,
     batch=8,
     learning_rate=0.03,
     ink_weight=2.0,

@@ -118,7 +118,8 @@ print(f"{len(result.actions)} pushes; {result.stopped}")
 print(f"Share of the error in height that is gone: {figure:.2f}")
 
 # %% [markdown]
-# The picture shows the foam before, the goal, and the foam after the pushes, lit from the side.
+# The picture shows the foam before, the goal, and the foam after the pushes, lit from the side. Ten pushes of a ball
+# give the stem; the serifs need more of them.
 #
 # From the bundle of `make repro`, one command sculpts letters, meshes and pictures:
 # [sculpting](../running.md#sculpting). How far it gets with more pushes and a model of all of them:
