@@ -130,7 +130,8 @@ print(f"Share of the person's ink that is still there: {figure:.2f}")
 
 # %% [markdown]
 # Each row of the picture is a turn: what the person drew, the goal, the strokes as planned, and the sheet afterwards.
-# The robot adds, and leaves the house alone.
+# The robot adds, and leaves the house alone. Its lines are lighter than planned: that is what the untrained stroke
+# model gets wrong.
 #
 # To draw with it yourself on a page in your browser, run `make repro` once and then `pentimento studio
 # models/bundle`: [painting beside a person](../running.md).
