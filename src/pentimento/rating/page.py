@@ -94,7 +94,8 @@ def pages(
     """
     dealt = np.random.default_rng([seed, 0]).permutation(len(trials))
     many = min(per_rater or len(trials), len(trials))
-    texts, hidden = {}, {}
+    texts: dict[str, str] = {}
+    hidden: dict[str, dict[str, Hidden]] = {}
     for rater in range(raters):
         mine = [trials[dealt[(rater * many + place) % len(trials)]] for place in range(many)]
         name = _id(seed, rater)
@@ -106,7 +107,8 @@ def pages(
 def _page(
     study: Study, trials: Sequence[Trial], page: str, generator: np.random.Generator
 ) -> tuple[str, dict[str, Hidden]]:
-    parts, hidden = [], {}
+    parts: list[dict[str, object]] = []
+    hidden: dict[str, Hidden] = {}
     for number, index in enumerate(generator.permutation(len(trials))):
         trial = trials[index]
         shown = tuple(np.array(list(trial.pictures))[generator.permutation(len(trial.pictures))].tolist())

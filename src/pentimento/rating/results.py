@@ -171,7 +171,7 @@ def _agreement(question: str, answers: Sequence[Answer], conditions: Sequence[st
         raise ContractError(
             f"On {question!r}, {len(raters)} raters rated {len(complete)} pictures all; agreement needs two of each."
         )
-    ratings = np.array([[rated[*picture, rater] for rater in raters] for picture in complete], dtype=float)
+    ratings = np.array([[rated[(*picture, rater)] for rater in raters] for picture in complete], dtype=float)
     alpha, alpha_interval, one, one_interval = reliability(ratings, question)
     means = {
         condition: float(np.mean([value for (name, _, _), value in rated.items() if name == condition]))
