@@ -5,6 +5,7 @@
 #   make test                    the whole test suite
 #   make check                   format, lint, types
 #   make docs                    the documentation as a site, into site/
+#   make tutorials               run the tutorials, and keep what they print and show for the site
 #   make base                    the base of the goal planner (hours; the UNet's training goes on where it was interrupted)
 #   make deps                    write into dvc.yaml the dependencies that follow from code and params.yaml
 #   make bench                   the benchmarks, side by side with the slow references
@@ -37,7 +38,7 @@ export MLFLOW_DISABLE_TELEMETRY ?= true
 export MLFLOW_ALLOW_PICKLE_DESERIALIZATION ?= false
 export DO_NOT_TRACK ?= true
 
-.PHONY: repro base docs deps test coverage check bench studies licences clean env
+.PHONY: repro base docs tutorials deps test coverage check bench studies licences clean env
 .DELETE_ON_ERROR:
 
 repro: env
@@ -69,6 +70,9 @@ docs: export NO_MKDOCS_2_WARNING = 1
 docs: env
 	$(BIN)/python -m mkdocs build --quiet --strict
 	@echo "Open site/index.html."
+
+tutorials: env
+	$(BIN)/python docs/site/tutorials.py
 
 base: env
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dvc repro base/dvc.yaml

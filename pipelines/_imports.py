@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted((ROOT / "src/pentimento").rglob("*.py"))
 PIPELINES = sorted((ROOT / "pipelines").rglob("*.py"))
 # Package data that is read when any code of the package runs: pattern by package of src/pentimento.
-PACKAGE_DATA = {"studio": "*.toml", "robots": "*.toml"}
+PACKAGE_DATA = {"studio": "*.toml", "robots": "*.toml", "rating": "*.toml"}
 TEMPLATES = ROOT / "src/pentimento/report/templates"
 _TEMPLATE_NAME = re.compile(r'"(?:templates/)?([\w/]+\.(?:html|css))"')
 

@@ -17,6 +17,7 @@ from pentimento.contracts.errors import PentimentoError
 from pipelines._io import stage_main
 from pipelines._review.agreement import check
 from pipelines._review.comparison import compare
+from pipelines._review.group_page import group_page
 from pipelines._review.groups import Group, compare_groups, groups, table
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._review.page import changes, page, text
@@ -33,7 +34,8 @@ def main(arguments: argparse.Namespace) -> None:
     with store_errors():
         history = History()
         if two := _chosen_groups(history, arguments):
-            print(_of_groups(history, *two))
+            file, words = _of_groups(history, *two, arguments.out)
+            print(f"{words}\n\nThe page:  {file}")
             return
         a, b = _chosen(history, arguments)
         comparison = compare(history, a, b)
@@ -62,13 +64,16 @@ def _chosen_groups(history: History, arguments: argparse.Namespace) -> tuple[Gro
     return known[1], known[0]
 
 
-def _of_groups(history: History, a: Group, b: Group) -> str:
-    """Return what differs between two groups, and the table of their figures."""
+def _of_groups(history: History, a: Group, b: Group, out: Path) -> tuple[Path, str]:
+    """Write the page of two groups, and return its file, and what differs with the table of their figures."""
     figures, first = compare_groups(history, a, b), min(set(a.members) & set(b.members))
     differing = changes(compare(history, a.members[first], b.members[first]))
     main = [figure for figure in figures if figure.main]
     verdicts = [f"{figure.stage}: {figure.verdict} ({figure.name})." for figure in main]
-    return "\n".join([f"A  {a.name}", f"B  {b.name}", "", *differing, "", *verdicts, "", table(figures)])
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / f"{_id(a.members[first])[:8]}_{_id(b.members[first])[:8]}_seeds.html"
+    atomic_write(file, group_page(history, a, b, found=figures, changes=differing).encode())
+    return file, "\n".join([f"A  {a.name}", f"B  {b.name}", "", *differing, "", *verdicts, "", table(figures)])
 
 
 def _chosen(history: History, arguments: argparse.Namespace) -> tuple[StageRun | Execution, StageRun | Execution]:

@@ -88,9 +88,9 @@ def main(arguments: argparse.Namespace) -> None:
         shown = (_SHOWN_PX, _SHOWN_PX)
         write_png(out / "turns.png", side_by_side(film_strip(turns), [turn.prompt for turn in turns], shown))
         write_png(out / "sheet.png", turns[-1].after)
-        metrics = {"tool": medium.tool, "turns": [_measured(turn) for turn in turns]}
-        write_json(out / "metrics.json", metrics)
-        run.log_metrics({f"turn_{number}": figures["error"] for number, figures in enumerate(metrics["turns"], 1)})
+        measured = [_measured(turn) for turn in turns]
+        write_json(out / "metrics.json", {"tool": medium.tool, "turns": measured})
+        run.log_metrics({f"turn_{number}": figures["error"] for number, figures in enumerate(measured, 1)})
         run.log_picture(out / "turns.png")
 
 

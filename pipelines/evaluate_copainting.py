@@ -12,6 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pentimento.contracts import copaintings, scenes
+from pentimento.contracts.codec import to_plain
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.images import decode_png, write_png
 from pentimento.contracts.ranges import at_least
@@ -43,7 +44,6 @@ from pentimento.copainting.evaluation.methods import (
     run_on_canvas,
     run_on_paper,
 )
-from pentimento.copainting.evaluation.preferences import Comparison, preference_page
 from pentimento.copainting.evaluation.scoring import (
     Columns,
     Judges,
@@ -59,6 +59,8 @@ from pentimento.copainting.jobs import gather, worker_pool
 from pentimento.copainting.scenes.collage import as_drawn
 from pentimento.copainting.scenes.ink import ink_recall
 from pentimento.copainting.sheets import side_by_side
+from pentimento.rating.page import Trial, pages
+from pentimento.rating.study import read_study
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
@@ -207,9 +209,11 @@ def main(arguments: argparse.Namespace) -> None:
         _write_pictures(
             out, {name: (drawn[name], given[name]) for name in given}, turns, photographed, config.figures.method_rows
         )
-        page, key = preference_page(_compared(begun[: config.figures.preference_prompts], drawn[BEGUN]), config.seed)
+        trials, study = _trials(begun[: config.figures.preference_prompts], drawn[BEGUN]), read_study("text")
+        texts, key = pages(study, trials, raters=1, per_rater=None, seed=config.seed)
+        (page,) = texts.values()
         (out / "preference.html").write_text(page, encoding="utf-8")
-        write_json(out / "preference_key.json", key)
+        write_json(out / "preference_key.json", to_plain(key))
         run.log_metrics(
             {name: metrics[name] for name in (BEGUN, "comparisons", "ordinary", "on_paper", "vae_ink_recall")}
         )
@@ -297,12 +301,15 @@ def _by_case(cases: Sequence[Case], scores: Mapping[str, Columns]) -> list[dict[
     ]
 
 
-def _compared(cases: Sequence[Case], outcomes: Outcomes) -> list[Comparison]:
-    """Ours against each rival of the thesis's survey."""
-    ours = outcomes.drawings[FINE_TUNED]
+def _trials(cases: Sequence[Case], outcomes: Outcomes) -> list[Trial]:
+    """Ours against each rival of the thesis's survey (Figure 6.6); one page that anybody may answer."""
     return [
-        Comparison(case.caption, ours[i], outcomes.drawings[rival][i], rival)
-        for i, case in enumerate(cases)
+        Trial(
+            f"{number} {case.scene_id}",
+            {name: outcomes.drawings[name][number] for name in (FINE_TUNED, rival)},
+            case.caption,
+        )
+        for number, case in enumerate(cases)
         for rival in (TEXT_ONLY, BASE)
     ]
 

@@ -1,4 +1,4 @@
-"""Pages of the documentation site that are not files in `docs/`: the README, and the reference from docstrings."""
+"""Pages of the site that are no Markdown in `docs/`: the README, the tutorials, and the reference from docstrings."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import Any, Final
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+
+from docs.site import tutorials
 
 ROOT: Final = Path(__file__).parents[2]
 _OUTSIDE: Final = {
@@ -42,6 +44,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         text = "\n\n".join([f"# {title}", *(f"::: {module}" for module in modules)])
         files.append(File.generated(config, f"reference/{page}.md", content=text))
     files.append(File.generated(config, "reference/params.md", content=_params()))
+    for name in tutorials.names():
+        files.append(File.generated(config, f"tutorials/{name}.md", content=tutorials.page(name)))
     return files
 
 
@@ -57,7 +61,8 @@ def _relinked(text: str, folder: str) -> str:
         picture, words, target, anchor = match[1], match[2], match[3], match[4] or ""
         place = posixpath.normpath(posixpath.join(folder, target))
         if place.startswith("docs/") and (ROOT / place).is_file():
-            return f"{picture}[{words}]({place.removeprefix('docs/')}{anchor})"
+            page = re.sub(r"^docs/(tutorials/\w+)\.py$", r"docs/\1.md", place).removeprefix("docs/")
+            return f"{picture}[{words}]({page}{anchor})"
         if place in _OUTSIDE:
             return f"{picture}[{words}]({_OUTSIDE[place]}{anchor})"
         return words

@@ -143,15 +143,18 @@ def _over_items(history: History, name: str, a: Sequence[StageRun], b: Sequence[
 
 def table(figures_: Sequence[SeedFigure]) -> str:
     """Return the table for the terminal."""
-    lines = [("stage", "figure", "A", "B", "B − A, 95 % interval", "verdict")]
-    for figure in figures_:
-        low, high = figure.mean - figure.half_width, figure.mean + figure.half_width
-        over = f"{len(figure.a)} seeds" + (f", {figure.items} items" if figure.items else "")
-        change = f"{figure.mean:+.3g} [{low:+.3g}, {high:+.3g}] over {over}".replace("-", "−")
-        name = f"{figure.name} (main)" if figure.main else figure.name
-        lines.append((figure.stage, name, _mean(figure.a), _mean(figure.b), change, figure.verdict))
+    lines = [("stage", "figure", "A", "B", "B − A, 95 % interval", "verdict"), *map(columns, figures_)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+
+
+def columns(figure: SeedFigure) -> tuple[str, ...]:
+    """Return a figure's row: stage, figure, A, B, their difference with its interval, and the verdict."""
+    low, high = figure.mean - figure.half_width, figure.mean + figure.half_width
+    over = f"{len(figure.a)} seeds" + (f", {figure.items} items" if figure.items else "")
+    change = f"{figure.mean:+.3g} [{low:+.3g}, {high:+.3g}] over {over}".replace("-", "−")
+    name = f"{figure.name} (main)" if figure.main else figure.name
+    return figure.stage, name, _mean(figure.a), _mean(figure.b), change, figure.verdict
 
 
 def _mean(values: Sequence[float]) -> str:

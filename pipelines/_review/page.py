@@ -1,6 +1,7 @@
 """A comparison as text for the terminal, and as one self-contained HTML page."""
 
 import re
+from collections.abc import Mapping
 from itertools import zip_longest
 from typing import Any
 
@@ -62,7 +63,7 @@ def _stage(stage: StageDifference) -> dict[str, Any]:
         "seconds": [f"{each:.1f} s" if each is not None else "unknown" for each in stage.seconds],
         "params": list(stage.params.items()),
         "data": [(path, _short(pair)) for path, pair in stage.data.items()],
-        "pictures": _pictures(stage),
+        "pictures": beside(*stage.pictures),
         "changed": [_figure(figure) for figure in stage.figures if figure.changed],
         "equal": [_figure(figure) for figure in stage.figures if not figure.changed],
     }
@@ -99,9 +100,8 @@ def _short(pair: Pair) -> Pair:
     return a, b
 
 
-def _pictures(stage: StageDifference) -> list[list[dict[str, Any]]]:
-    """Each picture of A beside B's picture of the same name, and their difference."""
-    a, b = stage.pictures
+def beside(a: Mapping[str, bytes], b: Mapping[str, bytes]) -> list[list[dict[str, Any]]]:
+    """Each picture of A, PNGs by name, beside B's of the same name, and their difference."""
     rows = []
     for name in dict.fromkeys([*a, *b]):
         pair = zip_longest("AB", (a.get(name), b.get(name)))

@@ -184,7 +184,9 @@ def test_every_number_has_its_baselines_beside_it(evaluated: Path) -> None:
         assert read_image(out / f"{name}.png").std() > 0
     key = json.loads((out / "preference_key.json").read_text())
     page = (out / "preference.html").read_text()
-    assert len(key) == 4 and all(f'data-id="{name}"' in page for name in key)
+    ((name, parts),) = key["pages"].items()
+    assert name in page and len(parts) == 4 and all(f'data-id="{part}"' in page for part in parts)
+    assert {len({*part["shown"], "fine_tuned"}) for part in parts.values()} == {2}
     assert "fine_tuned" not in page and "text_only" not in page
 
 

@@ -1,8 +1,10 @@
 """Groups of seeds: how often luck is taken for a gain, what pairing gives, and a group made by DVC."""
 
 import os
+import re
 import subprocess
 import sys
+from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,9 +13,11 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, PentimentoError
+from pentimento.contracts.images import encode_png
 from pipelines import _seeds
 from pipelines._imports import ROOT
 from pipelines._params import reseeded, resolved
+from pipelines._review.group_page import group_page
 from pipelines._review.groups import SeedFigure, compare_groups, groups, table
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._tracking.store import store_errors
@@ -82,6 +86,22 @@ def test_the_choice_of_held_out_items_widens_the_interval() -> None:
     alone, with_items = compared(seeds, seeds - 0.0375), compared(seeds, seeds - 0.0375, of_items)
     assert alone.verdict == "B is better; beyond luck"
     assert (with_items.verdict, with_items.items) == ("may be luck", 8)
+
+
+def test_the_page_has_every_figure_with_its_interval_and_the_pictures_of_each_seed() -> None:
+    rng = np.random.default_rng(0)
+    pictures = {run: encode_png(rng.integers(0, 255, (6, 6, 3), dtype=np.uint8)) for run in ("A0", "B0", "A2", "B2")}
+    history: Any = Made([0.3, 0.4, 0.5], [0.2, 0.3, 0.4 + 1e-3])
+    history.pictures = lambda run: {"held_out.png": pictures[run.id]} if run.id in pictures else {}
+    a, b = groups(history)
+    found = compare_groups(history, a, b)
+    page = group_page(history, a, b, found=found, changes=["No parameter differs."])
+    (figure,) = found
+    assert f"{NAME} (main)" in page and '<span class="sure">B is better; beyond luck</span>' in page
+    assert f"[{figure.mean - figure.half_width:+.3g}".replace("-", "−") in page and "over 3 seeds" in page
+    assert re.findall(r'<th scope="row">(\d)</th>', page) == ["0", "1", "2"] and "−0.099" in page
+    assert re.findall(r"<summary>.*(\d)</summary>", page) == ["0", "2"] and page.count("<img ") == 2 * 3
+    assert all(b64encode(png).decode() in page for png in pictures.values()) and "http" not in page
 
 
 def test_two_seeds_are_too_few() -> None:

@@ -6,11 +6,13 @@ import argparse
 import sys
 from typing import Any
 
-from pentimento.cli import Command, diagnose, doctor, new, record, recordings, robot
+from pentimento.cli import Command, diagnose, doctor, new, rate, record, recordings, robot
 from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.output import escape_unknown_letters
 
-COMMANDS = (diagnose.COMMAND, *robot.COMMANDS, record.COMMAND, *recordings.COMMANDS, new.COMMAND, doctor.COMMAND)
+COMMANDS = (
+    diagnose.COMMAND, *robot.COMMANDS, record.COMMAND, *recordings.COMMANDS, rate.COMMAND, new.COMMAND, doctor.COMMAND,
+)  # fmt: skip
 
 
 def main(arguments: list[str] | None = None) -> int:

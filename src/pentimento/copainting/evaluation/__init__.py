@@ -1,1 +1,1 @@
-"""Evaluation of goal planners on started canvases: scores, drawing in turns and preferences (thesis 6.5 to 6.8)."""
+"""Evaluation of goal planners on started canvases: scores, and drawing in turns (thesis 6.5 to 6.8)."""
