@@ -31,6 +31,7 @@ from pipelines._params import Params, overlaid, read_yaml
 from pipelines._progress_views import View, opened_view
 from pipelines._review.agreement import link
 from pipelines._review.champions import register
+from pipelines._review.view import address_of
 from pipelines._side_by_side import bring_up_to_date
 from pipelines._tracking.dvc_files import locked_stages
 from pipelines._tracking.store import VARIABLE
@@ -71,9 +72,10 @@ def _run(root: Path, profile: str | None, view: View) -> int:
     except KeyboardInterrupt:  # no stage had begun
         status = 130
     ran = _ran_since(folder, started)
+    experiments: dict[str, str] = {}
     try:
         if status != 0 or ran:
-            link(folder, execution, STATUS.get(status, "FAILED"))
+            experiments = link(folder, execution, STATUS.get(status, "FAILED"))
             if status == 0 and profile is None:  # models of other profiles are not registered
                 view.note("\n".join(["", *register(folder)]))
     except PentimentoError as error:  # the outputs are complete; only links in MLflow are missing
@@ -90,7 +92,9 @@ def _run(root: Path, profile: str | None, view: View) -> int:
     view.note(f"\nThe report:  {report.relative_to(root)}")
     store = os.environ["MLFLOW_TRACKING_URI"]
     view.note(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
-    view.note("             then open http://127.0.0.1:5000 and choose Model training")
+    view.note("             then open" + ("" if experiments else " http://127.0.0.1:5000"))
+    for name, experiment in experiments.items():
+        view.note(f"             http://127.0.0.1:5000/{address_of(experiment)} ({name})")
     view.note("What changed: .venv/bin/python -m pipelines.compare --last 2")
     view.end(0, report.relative_to(root))
     if ran:

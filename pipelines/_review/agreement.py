@@ -100,19 +100,19 @@ def check(folder: Path, profile: str) -> tuple[int, list[str]]:
     return agreeing, sentences
 
 
-def link(folder: Path, execution: str, status: str) -> list[str]:
+def link(folder: Path, execution: str, status: str) -> dict[str, str]:
     """Close an execution: log its models, tag its runs with their outputs, parents with earlier runs that stand.
 
     An earlier run stands where DVC found nothing to do.
 
     Returns:
-        The experiments of the execution, each with its main figures as a shared view.
+        The ids of the execution's experiments by their names, each with its main figures as a shared view.
     """
     with store_errors():
         history, client = History(), open_store()
         found = next((each for each in history.executions if each.name == execution), None)
         if found is None:
-            return []
+            return {}
         runs = [run for run in history.runs if run.tags.get("profile") == found.tags.get("profile")]
         reused = {}
         for locked in _in_order(read_lock(folder)):
@@ -124,13 +124,13 @@ def link(folder: Path, execution: str, status: str) -> list[str]:
                 reused[locked.name] = run.id
             for path, digest in locked.outputs.items():
                 client.set_tag(run.id, f"{OUTPUT}{path}", digest)
-        shown = []
+        shown = {}
         for parent in found.ids:
             client.set_tag(parent, "reused", json.dumps(reused))
             client.set_terminated(parent, status)
             closed = client.get_run(parent)
             share_view(client, closed.info.experiment_id, closed.data.metrics)
-            shown.append(closed.info.experiment_id)
+            shown[client.get_experiment(closed.info.experiment_id).name] = closed.info.experiment_id
         return shown
 
 
