@@ -45,7 +45,10 @@ class Row:
 def read_durations(folder: Path) -> dict[str, float]:
     """Return the seconds of each stage's last run in `folder`; empty where there was none."""
     try:
-        return {str(name): float(seconds) for name, seconds in json.loads((folder / _DURATIONS).read_text()).items()}
+        return {
+            str(name): float(seconds)
+            for name, seconds in json.loads((folder / _DURATIONS).read_text(encoding="utf-8")).items()
+        }
     except (OSError, ValueError, AttributeError, TypeError):
         return {}  # only the forecast is missing
 

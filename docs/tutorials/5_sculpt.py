@@ -61,8 +61,8 @@ for name in sorted(rows[0].keys() - set(schema.names)):
     schema = schema.append(pa.field(name, pa.float32()))  # the room's sensors
 samples, _ = load_pushes(pa.Table.from_pylist(rows, schema=schema))
 config = TrainingConfig(
-    side_px=32, behind_m=0.03, channels=8, members=1, epochs=8, batch=8, learning_rate=0.004, visual_weight=1.0,
-    held_out=0.25, seed=0,
+    pixels_per_m=PIXELS / 0.2, side_px=32, behind_m=0.03, channels=8, members=1, epochs=8, batch=8,
+    learning_rate=0.004, visual_weight=1.0, held_out=0.25, seed=0,
 )  # fmt: skip
 training, held_out = split_by_action(samples, config.held_out, config.seed)
 crop = crop_for(samples, config)
@@ -108,7 +108,7 @@ planner = SculptorConfig(
     elite_share=0.5, min_relative_gain=0.001, edge_m=0.012, seed=0,
 )  # fmt: skip
 result = sculpt(
-    robot, BALL, "foam", goal_m=goal, members=planned_members(model, window_m), config=planner,
+    robot, BALL, "foam", goal_m=goal, members=planned_members(model, window_m), grid=(PIXELS, PIXELS), config=planner,
     execution=Execution(replan_every=2, patience=6, dwell_s=0.5, retract_speed_m_s=0.05), count=10,
     session=Session("tutorial", robot.clock_s), item=0, log=lambda name, value, step: None,
 )  # fmt: skip

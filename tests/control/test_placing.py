@@ -47,7 +47,7 @@ def guarded(robot: PaperRobot) -> GuardedSculptingRobot:
 
 def sculpted(goal_m: np.ndarray, placer: Placer | None = PLACER) -> Sculpture:
     return sculpt(
-        guarded(PaperFeeder()), BALL, "paper", goal_m=goal_m, members=[PressedClay()], config=CONFIG,
+        guarded(PaperFeeder()), BALL, "paper", goal_m=goal_m, members=[PressedClay()], grid=goal_m.shape, config=CONFIG,
         execution=EXECUTION, count=6, session=Session("test", 0.0), item=0, log=lambda *_: None, placer=placer,
     )  # fmt: skip
 
@@ -91,8 +91,8 @@ def test_checkpoint_keeps_mixed_actions(tmp_path: Path) -> None:
     goal = mixed_goal()
     sculptor = Sculptor(
         robot=guarded(PaperFeeder()), end_effector=BALL, material="paper", goal_m=goal, members=[PressedClay()],
-        config=CONFIG, execution=EXECUTION, count=6, session=Session("test", 0.0), item=0, record=lambda row: None,
-        placer=PLACER,
+        grid=goal.shape, config=CONFIG, execution=EXECUTION, count=6, session=Session("test", 0.0), item=0,
+        record=lambda row: None, placer=PLACER,
     )  # fmt: skip
     begun, first = sculptor.begin()
     assert first.actions.shape[1] == 3  # what lacks most comes first

@@ -201,9 +201,9 @@ def test_a_preview_is_written_before_anything_moves(bundle: Path, tmp_path: Path
     assert not (tmp_path / "s/pushes").exists()
     preview = read_image(tmp_path / "s" / module.PREVIEW).astype(int)
     clay, goal = np.split(preview, 2, axis=1)
-    assert clay.shape == (3 * PIXELS, 3 * PIXELS, 3)
+    assert clay.shape == (8 * PIXELS, 8 * PIXELS, 3)
     changed = np.abs(goal - clay).max(axis=2) > 10
-    assert changed[:, : PIXELS // 2].mean() < 0.02 < changed[PIXELS:-PIXELS, PIXELS:-PIXELS].mean()
+    assert changed[:, :PIXELS].mean() < 0.02 < changed[2 * PIXELS : -2 * PIXELS, 2 * PIXELS : -2 * PIXELS].mean()
 
 
 def test_the_record_tells_the_diagnosis_what_was_pushed_before(bundle: Path, tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ def _arguments(stage: str, **values: Any) -> argparse.Namespace:
     words = PIPELINE["stages"][stage]["cmd"].replace("${item.tool}", str(values.get("tool"))).split()[3:]
     words = [word for word in words if word != "${reported}"]
     if stage == "report":
-        none = ("paintings", "meanings", "evaluations", "performances", "sculptures", "hands", "subjects")
+        none = ("paintings", "meanings", "evaluations", "duet", "performances", "sculptures", "hands", "subjects")
         values |= dict.fromkeys((*none, "demonstrations", "benchmarks"))
         values |= {name: [] for name in ("settings", "evaluated", "drawn", "sculpted")}
     paths = dict(zip(words[::2], words[1::2], strict=True))

@@ -155,7 +155,7 @@ def test_an_execution_is_named_for_its_stages_and_closed(
     for name in ("MLFLOW_TRACKING_URI", "PENTIMENTO_PROFILE", VARIABLE):
         monkeypatch.setenv(name, "unused")
     monkeypatch.setattr("pipelines._repro.bring_up_to_date", dvc)
-    monkeypatch.setattr("pipelines._repro.link", lambda *told: ended.append(told))
+    monkeypatch.setattr("pipelines._repro.link", lambda *told: ended.append(told) or {})
     assert main(["smoke"]) == status
     assert named[0].startswith("smoke · 20")
     assert ended == ([(repository / ".profiles/smoke", named[0], closed)] if closed else [])

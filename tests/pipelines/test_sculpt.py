@@ -31,6 +31,7 @@ SCULPTING = {
         "samples": 4, "elite_share": 0.5, "min_relative_gain": 0.001, "edge_m": 0.012, "seed": 0,
     },
     "execution": {"replan_every": 2, "patience": 8, "dwell_s": 0.5, "retract_speed_m_s": 0.05},
+    "feeder": None,
 }  # fmt: skip
 SECTION = {
     "scan_pixels": 40, "classifier_letters": "AB", "classifier_examples": 8, "frame_ms": 50, "seed": 0,
@@ -77,7 +78,7 @@ def test_goals_are_sculpted_one_after_another_in_the_same_clay(folder: Path) -> 
     assert rows.num_rows == letter["actions"] + metrics["1_dome"]["actions"]
     before, after = (decode_height_m(files[f"{name}_height.png"], 1e-6) for name in ("0_A/result", "1_dome/before"))
     assert abs(before - after).max() < 1e-3  # the dome began where the A ended; both are scans with their noise
-    assert read_image(folder / "out/0_A/plan.png").shape == (120, 120, 3)
+    assert read_image(folder / "out/0_A/plan.png").shape == (360, 360, 3)
     assert len(json.loads(files["0_A/plan.json"])["actions"]) <= 3
 
 

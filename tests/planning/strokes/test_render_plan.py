@@ -39,6 +39,7 @@ class Seen:
     def __init__(self, of: Brush, dimmed: bool, pickup: float | None) -> None:
         self._brush, self._dimmed, self._pickup = of, dimmed, pickup
         self.fitted, self.timing, self.path_points = of.fitted, of.timing, of.path_points
+        self.depletion = of.depletion
 
     def marks(self, strokes: Strokes, inherited: dict[str, Array]) -> tuple[Marks, Pull]:
         marks, pull = self._brush.marks(strokes, inherited)
