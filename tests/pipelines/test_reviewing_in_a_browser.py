@@ -84,19 +84,6 @@ def test_an_experiment_opens_on_its_training_runs(server: str, tab: Browser, scr
     assert "Judges" not in said and "Models" in said
 
 
-def test_a_link_opens_on_the_main_figures(server: str, tab: Browser, screenshots: Path) -> None:
-    """As columns of the table; and as a chart, in a section of their own. In a browser that never saw MLflow."""
-    address = f"{server}/{address_of(_strokes(server))}"
-    tab.goto(address)
-    for name in ("held_out.model.mse", "held_out.polyline.mse"):
-        tab.wait(_seen(f"train_stroke_dynamics/marker/{name}"), 30)
-    tab.wait(_seen("before"))
-    tab.screenshot(screenshots / "main_figures.png")
-    tab.goto(f"{address}&compareRunsMode=CHART")
-    tab.wait(_seen("Main figures"), 30)
-    tab.screenshot(screenshots / "main_charts.png")
-
-
 def test_pictures_of_runs_meet_in_the_image_grid(server: str, tab: Browser, screenshots: Path) -> None:
     """In the chart view of the experiment, whose rows are executions."""
     tab.goto(f"{server}/#/experiments/{_strokes(server)}/runs?compareRunsMode=CHART")
@@ -180,6 +167,19 @@ def test_is_it_luck_is_one_command(
     tab.resize(420, 900)  # a telephone
     assert tab.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
     tab.resize(1500, 1000)
+
+
+def test_a_link_opens_on_the_main_figures(server: str, tab: Browser, screenshots: Path) -> None:
+    """As columns of the table; and as a chart, in a section of their own. In a browser that never saw MLflow."""
+    address = f"{server}/{address_of(_strokes(server))}"
+    tab.goto(address)
+    for name in ("held_out.model.mse", "held_out.polyline.mse"):
+        tab.wait(_seen(f"train_stroke_dynamics/marker/{name}"), 30)
+    tab.wait(_seen("before"))
+    tab.screenshot(screenshots / "main_figures.png")
+    tab.goto(f"{address}&compareRunsMode=CHART")
+    tab.wait(_seen("Main figures"), 30)
+    tab.screenshot(screenshots / "main_charts.png")
 
 
 def _strokes(server: str) -> str:
