@@ -43,7 +43,7 @@ def foam(seed):
 # ## Learn what a push does
 #
 # Thirty pushes at random, each with a scan of the surface before and after. A network learns the change of the
-# heights, starting from the shape of the tool. On pushes that it has not seen, its error stands beside that of
+# heights, starting from the shape of the tool. On pushes that it has not seen, its error is compared with that of
 # "nothing changes".
 
 # %%

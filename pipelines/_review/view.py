@@ -40,8 +40,10 @@ def view_of(metrics: Iterable[str]) -> dict[str, Any]:
     """
     known = sorted(metrics)
     figures = {stage: [each for each in (line.metric, line.baseline) if each] for stage, line in HEADLINES.items()}
-    main = [name for stage, (first, *_) in figures.items() for name in known if _is(name, stage, first)]
-    shown = [name for stage, wanted in figures.items() for name in known for each in wanted if _is(name, stage, each)]
+    main = [name for stage, (first, *_) in figures.items() for name in known if _shows(name, stage, first)]
+    shown = [
+        name for stage, wanted in figures.items() for name in known for each in wanted if _shows(name, stage, each)
+    ]
     charts = [
         {
             "type": "BAR", "uuid": f"{_SECTION}_{number}", "metricKey": name, "metricSectionId": _SECTION,
@@ -58,5 +60,5 @@ def view_of(metrics: Iterable[str]) -> dict[str, Any]:
     }
 
 
-def _is(name: str, stage: str, figure: str) -> bool:
+def _shows(name: str, stage: str, figure: str) -> bool:
     return name.startswith(f"{stage}/") and name.endswith(f"/{figure}")

@@ -104,8 +104,7 @@ class Outbox:
         """Send what was kept, if the server is back, and leave the rest to a later run."""
         if self._file.exists():
             _send(self._client, self._file)
-        self._lock.release()
-        Path(self._lock.lock_file).unlink(missing_ok=True)
+        _unlock(self._lock)
 
 
 def send_unsent(client: "MlflowClient") -> None:
@@ -128,8 +127,13 @@ def _held(file: Path) -> Iterator[bool]:
     try:
         yield file.exists()
     finally:
-        lock.release()
-        Path(lock.lock_file).unlink(missing_ok=True)
+        _unlock(lock)
+
+
+def _unlock(lock: FileLock) -> None:
+    """Delete the lock's file while it is held: nobody can hold a file that is deleted later."""
+    Path(lock.lock_file).unlink(missing_ok=True)
+    lock.release()
 
 
 def _send(client: "MlflowClient", file: Path) -> bool:

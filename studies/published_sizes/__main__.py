@@ -1,8 +1,8 @@
 """From published folders to the lean runner, at full size: `python -m studies.published_sizes --out DIR`.
 
 The folders have the shapes of Instruct-Pix2Pix and CLIP and random weights. Each part runs in a process of its own, so
-that its peak memory is known; its figures are kept in DIR and not measured again. Writes docs/published_sizes.md. Needs
-20 GB of disk and up to 24 GB of memory.
+that its peak memory is known; its figures are kept in DIR and not measured again. Writes docs/published_sizes.md, which
+`mkdocs.yml` does not list before it is written. Needs 20 GB of disk and up to 24 GB of memory.
 """
 
 from __future__ import annotations

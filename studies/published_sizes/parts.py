@@ -1,6 +1,7 @@
 """One step of the journey from a published folder to the lean runner, in a process of its own.
 
 `python -m studies.published_sizes.parts PART --out DIR`; prints what is known beside time and memory, as JSON.
+Each part imports what it needs, so that the runner's part holds no PyTorch.
 """
 
 from __future__ import annotations
@@ -25,12 +26,14 @@ Facts = dict[str, Any]
 
 def write(out: Path) -> Facts:
     """The folders, with random weights in half precision, as they are published."""
+    import torch
+
     from pentimento.copainting.goal.planner import save_goal_planner
     from pentimento.semantics.encoder import Encoder
     from studies.published_sizes.models import published_clip, published_planner
 
     planner = published_planner()
-    save_goal_planner(planner.to(dtype=_half()), out / "planner")
+    save_goal_planner(planner.to(dtype=torch.float16), out / "planner")
     for name in ("b32", "l14"):
         (out / name).mkdir(parents=True, exist_ok=True)
         Encoder(published_clip(name), planner.tokenizer).save(out / name)
@@ -127,12 +130,6 @@ def _planner(out: Path) -> Any:
     from pentimento.copainting.goal.planner import load_goal_planner
 
     return load_goal_planner(out / "planner")
-
-
-def _half() -> Any:
-    import torch
-
-    return torch.float16
 
 
 def _canvas() -> Any:

@@ -16,7 +16,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.control.execute import Session
 from pentimento.control.execute_place import execute_place, record_place
 from pentimento.robots.driver import SculptingRobot
-from pentimento.robots.tools import Feeder, ball_m3
+from pentimento.robots.tools import Feeder, ball_diameter_m, ball_m3
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def design_places(
         earlier = places[number - number % _PER_SMOOTHING :]
         if earlier and rng.random() < _BESIDE_SHARE:
             beside = earlier[int(rng.integers(len(earlier)))]
-            larger_m = max(diameter_m, (6 * beside[2] / np.pi) ** (1 / 3))
+            larger_m = max(diameter_m, ball_diameter_m(beside[2]))
             turn, away = rng.uniform(-np.pi, np.pi), rng.uniform(*_BESIDE_DIAMETERS) * larger_m
             middle = np.clip(beside[:2] + away * np.array([math.cos(turn), math.sin(turn)]), low, high)
         places.append(np.array([*middle, ball_m3(diameter_m)]))

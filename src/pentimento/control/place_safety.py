@@ -13,7 +13,7 @@ import numpy as np
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.control.safety import ROUNDING_M
 from pentimento.robots.driver import Place
-from pentimento.robots.tools import Feeder
+from pentimento.robots.tools import Feeder, ball_diameter_m
 
 _RELATIVE = 1e-6
 """Relative rounding of volumes and heights that were stored in single precision."""
@@ -65,7 +65,7 @@ class PlaceEnvelope:
                 f"The pellet's volume is {volume:.6g} m³; the place envelope allows {limits[0]:.3g} to {limits[1]:.3g} "
                 f"m³.{hint} The command was refused."
             )
-        radius_m = 0.5 * (6.0 * volume / math.pi) ** (1.0 / 3.0)
+        radius_m = 0.5 * ball_diameter_m(volume)
         margin = radius_m - ROUNDING_M
         inside_x = self.x_min_m + margin <= place.x_m <= self.x_max_m - margin
         inside_y = self.y_min_m + margin <= place.y_m <= self.y_max_m - margin

@@ -100,12 +100,17 @@ class Feeder:
 
     def press_m(self, volume_m3: float) -> float:
         """Height above the surface to which a pellet of this volume is pressed."""
-        return float(self.pressed_share * (6.0 * volume_m3 / np.pi) ** (1.0 / 3.0))
+        return self.pressed_share * ball_diameter_m(volume_m3)
 
 
 def ball_m3(diameter_m: float) -> float:
     """Volume of a ball."""
     return float(np.pi / 6.0 * diameter_m**3)
+
+
+def ball_diameter_m(volume_m3: float) -> float:
+    """Diameter of a ball; the inverse of ``ball_m3``."""
+    return float((6.0 * volume_m3 / np.pi) ** (1.0 / 3.0))
 
 
 def load_tool(name_or_path: str | Path) -> Tool:

@@ -13,6 +13,7 @@ from pentimento.contracts.frames import pixel_to_canvas, pixels_per_m
 from pentimento.contracts.height_maps import decode_height_m
 from pentimento.contracts.pushes import PLACE
 from pentimento.planning.pushes.places import FLATNESS, GROWTH, PlaceModel
+from pentimento.robots.tools import ball_diameter_m
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def fit_places(table: pa.Table) -> PlaceModel:
     def residual(unknowns: FloatArray) -> FloatArray:
         return 1e3 * (_profile(model_of(unknowns), distance, each) - change)
 
-    start = np.array([np.log(0.8), np.log(0.6 * (6 * reference / np.pi) ** (1 / 3)), 1 / 3, 3.0])
+    start = np.array([np.log(0.8), np.log(0.6 * ball_diameter_m(reference)), 1 / 3, 3.0])
     bounds = ([-4.0, -7.6, GROWTH[0], FLATNESS[0]], [1.0, -3.0, GROWTH[1], FLATNESS[1]])  # widths of 0.5 to 50 mm
     found = least_squares(residual, start, bounds=bounds, x_scale=[0.1, 0.1, 0.1, 1.0])
     left = float(np.square(found.fun).sum() / np.square(1e3 * change).sum())
