@@ -42,7 +42,6 @@ from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector, load_end_effector, load_feeder
 from pentimento.robots.virtual import virtual_sculpting_robot
-from pentimento.semantics.depth import depth_relief
 from pentimento.semantics.letter_classifier import LetterClassifier, classify_sculpture
 from pipelines._config import entry_of, load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
@@ -197,7 +196,11 @@ def _robot(setting: Setting, end_effector: EndEffector, placer: Placer | None, c
 def _goal(wanted: Wanted, height: Array, setting: Setting, robot: SculptingRobot) -> GoalFit:
     sculpting = setting.sculpting
     soften_px = sculpting.edge_blur_m * height.shape[1] / robot.area_m[0]
-    depth = None if setting.depth_model is None else partial(depth_relief, folder=Path(setting.depth_model))
+    depth = None
+    if setting.depth_model is not None:
+        from pentimento.semantics.depth import depth_relief  # imports transformers, which takes seconds
+
+        depth = partial(depth_relief, folder=Path(setting.depth_model))
     shape = (height.shape[0], height.shape[1])
     relief = relief_of(wanted.source, shape, sculpting.side_share, soften_px=soften_px, depth=depth, up=wanted.up)
     if wanted.raised_m > 0:

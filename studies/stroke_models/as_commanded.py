@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import torch
 
+from pentimento.dynamics.strokes.evaluation import predict
 from pentimento.dynamics.strokes.samples import StrokeSamples
-from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, first_guess, predict
+from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, first_guess
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 
 

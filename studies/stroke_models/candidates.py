@@ -18,7 +18,7 @@ from pentimento.contracts.errors import ContractError
 from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.strokes.measured import covariates_of, load_measured
 from pentimento.diagnosis.strokes.problem import established_mechanisms, stroke_problem
-from pentimento.dynamics.strokes.evaluation import blank, fit_polyline, mean_iou, predict_with
+from pentimento.dynamics.strokes.evaluation import blank, fit_polyline, mean_iou, predict_with, weighted_l1
 from pentimento.dynamics.strokes.extended import (
     MeasuredStrokes,
     StrokeModel,
@@ -31,7 +31,7 @@ from pentimento.dynamics.strokes.joint import fit_jointly
 from pentimento.dynamics.strokes.mechanisms import VOCABULARY
 from pentimento.dynamics.strokes.paint_pickup import paint_pickup
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
-from pentimento.dynamics.strokes.training import TrainingConfig, train, weighted_l1
+from pentimento.dynamics.strokes.training import TrainingConfig, train
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
 from studies.stroke_models.as_commanded import is_pressed, train_unscaled
 from studies.stroke_models.networks.coverage import laid

@@ -12,8 +12,8 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 from torch import Tensor
 
+from pentimento.dynamics.strokes.evaluation import predict, predicted_ink
 from pentimento.dynamics.strokes.samples import StrokeSamples
-from pentimento.dynamics.strokes.training import predict, predicted_ink
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 from pentimento.report.figures import ERROR_COLOURS, OCHRE, drawing, png, shared_top
 

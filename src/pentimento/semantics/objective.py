@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -18,7 +19,9 @@ from torch.nn.functional import affine_grid, grid_sample, mse_loss
 
 from pentimento.bundle.views import random_views
 from pentimento.dynamics.strokes.photometry import linear_to_srgb
-from pentimento.semantics.encoder import Encoder
+
+if TYPE_CHECKING:
+    from pentimento.semantics.encoder import Encoder  # imports transformers, which takes seconds
 
 Array = NDArray[np.float32]
 

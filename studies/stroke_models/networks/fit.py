@@ -10,8 +10,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
+from pentimento.dynamics.strokes.evaluation import weighted_l1
 from pentimento.dynamics.strokes.samples import StrokeSamples
-from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, split_by_action, weighted_l1
+from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, split_by_action
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
 from studies.stroke_models.networks import param2stroke, trajectory_cnn
 from studies.stroke_models.networks.coverage import CoverageModel, laid, press_range

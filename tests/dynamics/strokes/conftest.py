@@ -9,8 +9,8 @@ from pentimento.contracts.colour import to_uint8
 from pentimento.contracts.images import encode_png
 from pentimento.contracts.schema import arrow_schema
 from pentimento.contracts.strokes import CONTRACT
+from pentimento.dynamics.strokes.evaluation import predict
 from pentimento.dynamics.strokes.samples import StrokeSamples, load_samples
-from pentimento.dynamics.strokes.training import predict
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 from pentimento.robots.strokes import stroke_points
 

@@ -9,6 +9,7 @@ import torch
 
 from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.contracts.errors import ContractError
+from pentimento.dynamics.strokes.evaluation import predict
 from pentimento.dynamics.strokes.extended import (
     MeasuredStrokes,
     Span,
@@ -32,7 +33,6 @@ from pentimento.dynamics.strokes.mechanisms.ink_depletion import InkDepletion
 from pentimento.dynamics.strokes.mechanisms.wet_mixing import WetMixing
 from pentimento.dynamics.strokes.samples import StrokeSamples
 from pentimento.dynamics.strokes.simulation import Mechanism
-from pentimento.dynamics.strokes.training import predict
 from tests.dynamics.strokes.conftest import TRUTH
 
 

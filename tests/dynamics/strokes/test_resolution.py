@@ -11,10 +11,10 @@ from pentimento.contracts.colour import to_uint8
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.frames import image_shape, window_around
 from pentimento.contracts.images import encode_png
-from pentimento.dynamics.strokes.evaluation import fit_polyline, mean_iou, predict_with, score_model
+from pentimento.dynamics.strokes.evaluation import fit_polyline, mean_iou, predict, predict_with, score_model
 from pentimento.dynamics.strokes.resolution import RowExtent, Sampling, choose_sampling
 from pentimento.dynamics.strokes.samples import load_samples, sampling_of
-from pentimento.dynamics.strokes.training import TrainingConfig, predict, split_by_action, train
+from pentimento.dynamics.strokes.training import TrainingConfig, split_by_action, train
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 from tests.dynamics.strokes.conftest import stroke_row, table
 

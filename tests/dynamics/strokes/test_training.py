@@ -13,9 +13,10 @@ from pentimento.dynamics.strokes.evaluation import (
     predict_with,
     score,
     score_model,
+    weighted_l1,
 )
 from pentimento.dynamics.strokes.samples import StrokeSamples
-from pentimento.dynamics.strokes.training import TrainingConfig, first_guess, split_by_action, train, weighted_l1
+from pentimento.dynamics.strokes.training import TrainingConfig, first_guess, split_by_action, train
 from tests.dynamics.strokes.conftest import TRUTH
 
 CONFIG = TrainingConfig(12, 1000.0, 0.05, 40, 8, 0.05, 2.0, 0.25, 0)

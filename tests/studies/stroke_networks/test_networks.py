@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from pentimento.dynamics.strokes.evaluation import predict_with
+from pentimento.dynamics.strokes.evaluation import predict_with, weighted_l1
 from pentimento.dynamics.strokes.samples import StrokeSamples
-from pentimento.dynamics.strokes.training import TrainingConfig, weighted_l1
+from pentimento.dynamics.strokes.training import TrainingConfig
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke
 from studies.stroke_models.networks.coverage import (
     CoverageModel,

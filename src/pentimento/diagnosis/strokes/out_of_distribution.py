@@ -13,6 +13,7 @@ from pentimento.diagnosis.strokes.measured import Measured
 from pentimento.diagnosis.strokes.model import Model
 from pentimento.diagnosis.strokes.predict import mean_squared_error
 from pentimento.diagnosis.strokes.problem import FittedStrokes, StrokeProblem, StrokeResult
+from pentimento.dynamics.strokes.evaluation import predict_with
 from pentimento.dynamics.strokes.traj2stroke import Traj2StrokeParameters
 
 Array = NDArray[Any]
@@ -75,8 +76,6 @@ class UserBaseline(NamedTuple):
 
 def evaluate_baseline(parameters: Traj2StrokeParameters, test_split: Measured) -> UserBaseline:
     """Predictions and errors of a user-supplied model on strokes."""
-    from pentimento.dynamics.strokes.evaluation import predict_with  # imports Lightning, which takes seconds
-
     predicted = predict_with(parameters, test_split.samples).numpy()
     missed = (test_split.samples.after.numpy() - predicted) * test_split.samples.valid.numpy()[..., None]
     _, group = np.unique(test_split.action, return_inverse=True)

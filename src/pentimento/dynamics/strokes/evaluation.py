@@ -14,9 +14,10 @@ import torch
 from scipy.optimize import minimize_scalar
 from torch import Tensor
 
-from pentimento.dynamics.strokes.samples import StrokeSamples
-from pentimento.dynamics.strokes.training import predict, predicted_ink
-from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
+from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
+from pentimento.dynamics.strokes.samples import INK_THRESHOLD, StrokeSamples, inked_share
+from pentimento.dynamics.strokes.simulation import StrokeContext, simulate
+from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,24 @@ class StrokeScores:
     """Mean |predicted − measured| over the window, sRGB in [0, 1]."""
     mse: float
     """Mean squared difference over the window, sRGB in [0, 1]."""
+
+
+def predict(model: Callable[[Tensor], Mark], samples: StrokeSamples) -> Tensor:
+    """The photograph after each stroke, sRGB [B, H, W, 3]: its mark laid over ``before`` in linear light."""
+    context = StrokeContext(samples.path[:, None], {})
+    color = srgb_to_linear(samples.color)[:, None]
+    return linear_to_srgb(simulate(model, (), context, color=color, canvas=samples.before_linear, view=samples.view))
+
+
+def predicted_ink(samples: StrokeSamples, predicted: Tensor) -> Tensor:
+    """Which pixels a prediction [B, H, W, 3] inks, bool [B, H, W], by the same threshold as the measurement."""
+    return inked_share(samples.before, predicted.detach(), samples.color[:, None, None]) > INK_THRESHOLD
+
+
+def weighted_l1(predicted: Tensor, samples: StrokeSamples, ink_weight: float) -> Tensor:
+    """Mean absolute difference over sRGB, pixels under the new stroke weighing ``ink_weight`` times (thesis 5.3.4)."""
+    weight = samples.valid * torch.where(samples.ink, ink_weight, 1.0)
+    return ((predicted - samples.after).abs().mean(-1) * weight).sum() / weight.sum()
 
 
 def score(predicted: Tensor, samples: StrokeSamples) -> StrokeScores:

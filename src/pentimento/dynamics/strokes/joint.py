@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from pentimento.dynamics.strokes.evaluation import predict, weighted_l1
 from pentimento.dynamics.strokes.extended import (
     BASE_CAUSES,
     MeasuredStrokes,
@@ -18,7 +19,7 @@ from pentimento.dynamics.strokes.extended import (
     spans,
 )
 from pentimento.dynamics.strokes.simulation import Mechanism
-from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend, predict, weighted_l1
+from pentimento.dynamics.strokes.training import Log, TrainingConfig, descend
 from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 from pentimento.planning.strokes.brush import StrokeTiming
 

@@ -15,11 +15,10 @@ from torch.utils.data import DataLoader, TensorDataset
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.dynamics.quiet_lightning import quiet_lightning
-from pentimento.dynamics.strokes.photometry import linear_to_srgb, srgb_to_linear
+from pentimento.dynamics.strokes.evaluation import predict, weighted_l1
 from pentimento.dynamics.strokes.resolution import Auto, check_sampling
-from pentimento.dynamics.strokes.samples import INK_THRESHOLD, StrokeSamples, inked_share
-from pentimento.dynamics.strokes.simulation import StrokeContext, simulate
-from pentimento.dynamics.strokes.traj2stroke import Mark, Traj2Stroke, Traj2StrokeParameters
+from pentimento.dynamics.strokes.samples import StrokeSamples
+from pentimento.dynamics.strokes.traj2stroke import Traj2Stroke, Traj2StrokeParameters
 
 Log = Callable[[str, float, int], None]
 
@@ -81,24 +80,6 @@ def split_by_action(samples: StrokeSamples, held_out: float, seed: int) -> tuple
                 "table's photographs, windows and color_srgb, or record more strokes."
             )
     return parts
-
-
-def predict(model: Callable[[Tensor], Mark], samples: StrokeSamples) -> Tensor:
-    """The photograph after each stroke, sRGB [B, H, W, 3]: its mark laid over ``before`` in linear light."""
-    context = StrokeContext(samples.path[:, None], {})
-    color = srgb_to_linear(samples.color)[:, None]
-    return linear_to_srgb(simulate(model, (), context, color=color, canvas=samples.before_linear, view=samples.view))
-
-
-def predicted_ink(samples: StrokeSamples, predicted: Tensor) -> Tensor:
-    """Which pixels a prediction [B, H, W, 3] inks, bool [B, H, W], by the same threshold as the measurement."""
-    return inked_share(samples.before, predicted.detach(), samples.color[:, None, None]) > INK_THRESHOLD
-
-
-def weighted_l1(predicted: Tensor, samples: StrokeSamples, ink_weight: float) -> Tensor:
-    """Mean absolute difference over sRGB, pixels under the new stroke weighing ``ink_weight`` times (thesis 5.3.4)."""
-    weight = samples.valid * torch.where(samples.ink, ink_weight, 1.0)
-    return ((predicted - samples.after).abs().mean(-1) * weight).sum() / weight.sum()
 
 
 def first_guess(samples: StrokeSamples) -> Traj2StrokeParameters:
