@@ -95,6 +95,7 @@ clean: env
 
 env: $(STAMP)
 
+# Numba compiles here what the first stages need, or these would take a minute longer.
 # Measured on a fresh clone: the pip that comes with Python 3.11 takes twice as long as the pinned one, and it compiles
 # bytecode on one core; afterwards, on all, that is a minute, which the first run of every stage gives back. A package
 # that was being copied when an install was interrupted has no RECORD: forgetting it makes pip redo it.
@@ -104,5 +105,6 @@ $(STAMP):
 	$(PIP_INSTALL) --quiet -c constraints.txt pip
 	$(PIP_INSTALL) -c constraints.txt -e ".[train,drawings,distributed,s3,c3d,voice,arm,docs,dev]"
 	$(BIN)/python -m compileall -q -j 0 -x py312_intrinsics .venv/lib # PyTorch ships that one for later Pythons only
+	$(BIN)/python -m pipelines._compile
 	rm -f .venv/.installed-*
 	touch $@
