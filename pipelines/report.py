@@ -91,7 +91,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         prog="report", description=__doc__, epilog="What is not given has no section on the page."
     )
-    parser.add_argument("--strokes", required=True, type=Path, help="folder of a table of strokes for each tool")
+    parser.add_argument("--strokes", type=Path, help="folder of a table of strokes for each tool")
     parser.add_argument("--models", required=True, type=Path)
     parser.add_argument("--gap", required=True, type=Path, help="folder of a diagnosis for each tool")
     parser.add_argument("--plans", type=Path, help="folder of a plan for each recorded tool")
@@ -105,7 +105,7 @@ if __name__ == "__main__":
     parser.add_argument("--subjects", type=Path, help="named things in handwriting styles")
     parser.add_argument("--demonstrations", type=Path)
     parser.add_argument("--benchmarks", type=Path, help="output of `make bench`")
-    parser.add_argument("--tools", required=True, nargs="+", help="in the order in which the page shows them")
+    parser.add_argument("--tools", default=[], nargs="*", help="in the order in which the page shows them")
     parser.add_argument("--planned", default=[], nargs="*", help="tools with a plan, likewise")
     parser.add_argument("--settings", default=[], nargs="*", help="likewise; the first opens the page")
     parser.add_argument("--evaluated", default=[], nargs="*", help="settings of co-painting, likewise")

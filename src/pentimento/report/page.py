@@ -66,6 +66,7 @@ def build_report(inputs: ReportInputs, config: ReportConfig) -> dict[str, bytes]
         "report/page.html",
         opening=opening(inputs.paintings[0], config.frame_ms, album) if inputs.paintings else None,
         recorded=bool(recorded),
+        modelled=bool(inputs.tools),
         note=config.note,
         summaries=[summary(painting) for painting in inputs.paintings],
         links=_links(inputs),
@@ -108,7 +109,8 @@ def _links(inputs: ReportInputs) -> list[tuple[str, str]]:
     links += [("hands", "Handwriting styles")] if inputs.handwriting else []
     links += [("copainting", "Co-painting")] if inputs.evaluations else []
     links += [
-        (f"sculpting-{sculpture.material}", f"Sculpting in {sculpture.material}") for sculpture in inputs.sculptures
+        (f"sculpting-{sculpture.material}", f"Sculpting in {tool_name(sculpture.material)}")
+        for sculpture in inputs.sculptures
     ]
     links += [("runner", "On the robot")] if inputs.performances else []
     links += [("speed", "Speed")] if inputs.benchmarks else []
