@@ -54,12 +54,12 @@ def main() -> int:
 
 
 def lerobot(python: Path, *what: str | Path) -> str:
-    """What the other side prints.
+    """What the other side prints; it sees the packages of its own environment alone.
 
     Raises:
         SystemExit: it failed; its last words.
     """
-    done = subprocess.run([python, SIDE, *what], capture_output=True, text=True, check=False)
+    done = subprocess.run([python, "-I", SIDE, *what], capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"LeRobot failed at: {' '.join(map(str, what))}\n{done.stderr[-4000:]}")
     return done.stdout
