@@ -298,6 +298,21 @@ def test_connect_refuses_an_arm_that_was_never_calibrated(monkeypatch: pytest.Mo
         connect(rig_of(robot="mock_lerobot:Follower"))
 
 
+def test_servos_that_do_not_answer_for_their_calibration_are_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Silent(MockRobot):
+        @property
+        def is_calibrated(self) -> bool:
+            raise ConnectionError("There is no status packet!")
+
+        @is_calibrated.setter
+        def is_calibrated(self, value: bool) -> None:
+            pass
+
+    monkeypatch.setitem(sys.modules, "mock_lerobot", SimpleNamespace(Follower=Silent))  # type: ignore[arg-type]
+    with pytest.raises(MachineError, match=r"so101 cannot be reached: There is no status packet"):
+        connect(rig_of(robot="mock_lerobot:Follower"))
+
+
 @pytest.mark.parametrize("robot", ["lerobot", "os:system()", 7, "a b:C"])
 def test_connect_refuses_what_is_no_class(robot: object) -> None:
     with pytest.raises(ConfigError, match=r'robot is "package\.module:Class"'):

@@ -213,9 +213,10 @@ def connect(rig: Rig) -> LeRobotArm:
         raise ConfigError(f"{where}: {name} cannot be made with this config: {error}.") from error
     try:
         robot.connect(calibrate=False)
+        calibrated = robot.is_calibrated  # LeRobot asks the servos
     except (OSError, RuntimeError) as error:
         raise MachineError(f"The robot of rig {rig.name} cannot be reached: {error}") from error
-    if not robot.is_calibrated:
+    if not calibrated:
         robot.disconnect()
         raise MachineError(f"The robot of rig {rig.name} is not calibrated; run lerobot-calibrate for it first.")
     return LeRobotArm(robot, arm, rig)
