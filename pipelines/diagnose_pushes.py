@@ -33,6 +33,10 @@ from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, verdict_metrics, write_json
 from pipelines._tracking import tracked_run
 
+_UNDIAGNOSED = (
+    "Pinches are not diagnosed: the analytic model knows the geometry of pushes alone. The network stays as it is."
+)
+
 
 @dataclass(frozen=True)
 class DiagnosePushes:
@@ -57,20 +61,25 @@ def main(arguments: argparse.Namespace) -> None:
         output_folder(arguments.out) as out,
     ):
         table = with_runs(read_table(arguments.pushes, CONTRACT).table, arguments.runs)
-        found = write_push_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
         network = read_push_model(arguments.base)
-        samples, _ = load_pushes(table, network.facts.crop.pixels_per_m)
+        write_push_model(network, out)
         unseen = arguments.base / "held_out_actions.json"
+        for file in (unseen, arguments.base / PLACES):
+            if file.is_file():
+                shutil.copyfile(file, out / file.name)
+        if network.facts.kind == "pinch":
+            write_json(gap / "verdict.json", {"text": _UNDIAGNOSED})
+            write_json(out / "metrics.json", {"correction_kept": False})
+            print(_UNDIAGNOSED, file=sys.stderr)
+            return
+        found = write_push_diagnosis(table, gap, config.seed, log=lambda line: print(line, file=sys.stderr))
+        samples, _ = load_pushes(table, network.facts.crop.pixels_per_m)
         held_out = np.array(json.loads(unseen.read_text(encoding="utf-8")))
         if not np.isin(held_out, samples.action_id).any():
             raise ContractError(f"None of the actions in {unseen} is among the pushes: train the base on them.")
         predicted = averaged(predict(network, samples).numpy(), samples.pixels_per_m)
         fine = load_pushes(table, PIXELS_PER_M)[0]
         fitted = validate_correction(found, fine, predicted, held_out=held_out, seed=config.seed)
-        write_push_model(network, out)
-        for file in (unseen, arguments.base / PLACES):
-            if file.is_file():
-                shutil.copyfile(file, out / file.name)
         if fitted.correction is not None:
             write_json(out / FILE, correction_as_json(fitted.correction))
         metrics = verdict_metrics(gap / "verdict.json", "_mm2") | _cross_fit_metrics(fitted)

@@ -80,3 +80,17 @@ def test_the_stage_takes_runs(stage_folder: Path) -> None:
     verdict = json.loads((stage_folder / "gap/verdict.json").read_text())
     assert verdict["rows"] == 20 + PUSHES
     assert (stage_folder / "out/weights.safetensors").is_file()
+
+
+def test_a_network_of_pinches_stays_as_it_is(stage_folder: Path) -> None:
+    YAML(typ="safe").dump({"diagnose_pushes": {"seed": 0}}, stage_folder / "params.yaml")
+    write_table(stage_folder / "pushes", example_table(3), CONTRACT, "Examples.")
+    base = stage_folder / "base"
+    base.mkdir()
+    facts = PushFacts("pinch", (("foam", "gripper"),), Crop(40, 500.0, 0.03), 4, 0.025, 0.012, 1)
+    write_push_model(PushModel(facts), base)
+    (base / "held_out_actions.json").write_text("[0]")
+    places = {name: stage_folder / name for name in ("pushes", "gap", "out")}
+    stage.main(argparse.Namespace(material="foam_gripper", base=base, runs=[], **places))
+    assert (stage_folder / "out/weights.safetensors").read_bytes() == (base / "weights.safetensors").read_bytes()
+    assert "not diagnosed" in json.loads((stage_folder / "gap/verdict.json").read_text())["text"]

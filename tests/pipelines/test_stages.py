@@ -1,12 +1,14 @@
 """dvc.yaml tells the truth: each stage's name, parameters and code dependencies are those of its module."""
 
 import re
+import shutil
 import subprocess
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
 import pytest
+from dvc.utils.serialize import modify_yaml
 
 from pipelines._deps import CODE, pipelines, with_dependencies
 from pipelines._imports import ROOT
@@ -67,3 +69,12 @@ def test_every_model_and_the_bundle_has_a_name_by_which_dvc_gets_it() -> None:
     for name, entry in artifacts.items():
         assert name == entry["path"].removeprefix("models/").removesuffix("/weights")
         assert entry["type"] in ("model", "bundle") and entry["desc"]
+
+
+def test_dvc_can_change_a_parameter_in_place(tmp_path: Path) -> None:
+    """`dvc exp run -S` writes the file in a layout of its own, without quotes; every value must survive that."""
+    copy = tmp_path / "params.yaml"
+    shutil.copy(ROOT / "params.yaml", copy)
+    with modify_yaml(str(copy)) as params:
+        params["paint"]["strokes"] += 1
+    assert read_yaml(copy) == PARAMS | {"paint": PARAMS["paint"] | {"strokes": PARAMS["paint"]["strokes"] + 1}}

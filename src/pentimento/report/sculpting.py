@@ -35,6 +35,8 @@ class SculptureInputs:
     """PNG: held-out pushes as measured and as predicted."""
     verdict: str
     """The verdict on an analytic push model, one sentence."""
+    diagnosed: bool
+    """Whether there is a report of the diagnosis; of pinches there is none."""
 
 
 def read_sculpture(material: str, folder: Path, weights: Path, gap: Path) -> SculptureInputs:
@@ -56,7 +58,8 @@ def read_sculpture(material: str, folder: Path, weights: Path, gap: Path) -> Scu
             f"{folder}, {weights} and {gap} hold no sculpture with its push model and diagnosis ({error}); run the "
             "stages train_push_dynamics, diagnose_pushes and sculpt."
         ) from error
-    return SculptureInputs(material, ordered, pictures, lapse, model, held_out, verdict)
+    diagnosed = (gap / "report.html").is_file()
+    return SculptureInputs(material, ordered, pictures, lapse, model, held_out, verdict, diagnosed)
 
 
 def sculpting_section(inputs: SculptureInputs, album: Album) -> Markup:
