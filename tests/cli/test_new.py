@@ -187,7 +187,8 @@ def test_command_prints_the_next_steps_and_refuses_an_existing_name(
     assert main(["new", "tool", "quill", "--like", "round_brush"]) == 0
     printed = capsys.readouterr().out
     assert "tools/quill.toml" in printed
-    assert "dvc repro -s collect_strokes@quill train_stroke_dynamics@quill diagnose_gap@quill paint@quill" in printed
+    assert "dvc repro -s collect_strokes@quill train_stroke_dynamics@quill diagnose_gap@quill\n" in printed
+    assert "dvc repro -s paint@quill\n" in printed
     before = contents(tmp_path)
     assert main(["new", "tool", "quill", "--like", "round_brush"]) == 1
     assert "'quill' exists already" in capsys.readouterr().err
@@ -195,6 +196,7 @@ def test_command_prints_the_next_steps_and_refuses_an_existing_name(
     assert main(["new", "material", "wax", "--like", "foam"]) == 0
     assert main(["new", "material", "wax", "--like", "foam"]) == 1
     assert "'wax' exists already" in capsys.readouterr().err
+    assert main(["new", "material", "foam_edge", "--like", "foam"]) == 1, "params.yaml has such a combination"
 
 
 def test_command_outside_a_project_says_where_to_run(

@@ -10,6 +10,7 @@ import pytest
 
 from pentimento.cli.main import main
 from pentimento.contracts import pushes, strokes
+from pentimento.contracts.images import read_image
 from pentimento.io.card import write_card
 from pentimento.io.table_checks import confounded_with_time, drift, imbalance, rank_correlation, too_little
 
@@ -54,6 +55,18 @@ def test_card_of_pushes_is_written(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "12 rows are few" in capsys.readouterr().out
     text = (tmp_path / "said.md").read_text()
     assert "12 pushes of ball" in text and "`adhesion_lift`" in text and "depth (mm)" in text
+
+
+def test_a_table_needs_no_import_and_its_first_strokes_are_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = tmp_path / "rows.parquet"
+    pq.write_table(strokes.example_table(12), rows)
+    assert main(["import", str(rows), "--out", str(tmp_path / "out")]) == 1
+    assert "is a table already" in capsys.readouterr().err
+    assert main(["card", str(rows), "--sheet", str(tmp_path / "sheet.png")]) == 0
+    drawn = read_image(tmp_path / "sheet.png").reshape(-1, 3)
+    assert (drawn == (20, 150, 60)).all(1).any(), "the dot at a path's start"
 
 
 def test_card_of_one_stroke_names_what_it_cannot_show(tmp_path: Path) -> None:

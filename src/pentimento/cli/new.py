@@ -115,7 +115,7 @@ def new_material(
     project = ProjectFiles(root)
     materials = names_in(project.dvc, "materials")
     _check_like(like, "material", materials)
-    _check_name(name, "material", materials)
+    _check_name(name, "material", [*materials, *project.parsed("sculpt", "settings")])
     pressing = end_effector or project.parsed("collect_pushes", "end_effector")[like]
     load_end_effector(pressing)
     place = _world_file(root, CLAY_WORLDS, name)
@@ -254,11 +254,11 @@ def _print_created(name: str, like: str, created: Created) -> None:
         print(f"  {path.relative_to(Path.cwd())}")
     for note in created.notes:
         print(note)
-    print(
-        f"""Read the first ones, and correct what differs. Then, with the others' models there (`make repro` once):
-  dvc repro -s {" ".join(created.stages)}
-and `make repro` for bundle and report; the others' stages run again once, because they depend on the same folders."""
-    )
+    alone = [stage for stage in created.stages if not stage.startswith("paint@")]
+    print(f"Read the first ones, and correct what differs. Then:\n  dvc repro -s {' '.join(alone)}")
+    if painted := [stage for stage in created.stages if stage not in alone]:
+        print(f"With the models of the other tools there (`make repro` once):\n  dvc repro -s {' '.join(painted)}")
+    print("`make repro` makes bundle and report; all stages that depend on the same folders run again once.")
 
 
 _COMMON = (

@@ -26,6 +26,11 @@ def _import(arguments: argparse.Namespace) -> None:
         imported = _import_pen(arguments)
     elif arguments.paths.suffix.lower() == ".npz":
         imported = _import_arrays(arguments)
+    elif arguments.paths.suffix.lower() == ".parquet":
+        raise ConfigError(
+            f"{arguments.paths} is a table already: `pentimento card`, `enough` and `diagnose` read it as it is, and "
+            f"`pentimento new tool NAME --like TOOL --source {arguments.paths}` brings it into the pipeline."
+        )
     else:
         imported = _import_csv(arguments)
     print_imported(imported, arguments.out)
@@ -219,6 +224,19 @@ def _card(arguments: argparse.Namespace) -> None:
     for warning in warnings:
         print(warning)
     print(f"The card is {place}.")
+    if arguments.sheet is not None:
+        _write_sheet(arguments.rows, arguments.sheet)
+        print(f"The first strokes are shown in {arguments.sheet}.")
+
+
+def _write_sheet(rows: Path, sheet: Path) -> None:
+    """Write the contact sheet of the first strokes of a table as a PNG."""
+    from pentimento.contracts.images import write_png
+    from pentimento.contracts.strokes import CONTRACT
+    from pentimento.contracts.tables import read_table
+    from pentimento.io.contact_sheet import contact_sheet, shown_strokes
+
+    write_png(sheet, contact_sheet(shown_strokes(read_table(rows, CONTRACT).table)))
 
 
 def _enough(arguments: argparse.Namespace) -> None:
@@ -229,6 +247,7 @@ def _enough(arguments: argparse.Namespace) -> None:
     for line in curve.lines():
         print(line)
     print(curve.sentence)
+    print("This is of the base model; a diagnosis wants at least a hundred strokes, some of them made twice or more.")
 
 
 _ROWS = option("rows", type=Path, metavar="ROWS", help="strokes: a Parquet file, or a folder of shards")
@@ -338,6 +357,7 @@ COMMANDS = (
         (
             option("rows", type=Path, metavar="ROWS", help="a Parquet file, or a folder of shards"),
             option("--out", type=Path, metavar="FILE", help="Markdown; by default next to the rows"),
+            option("--sheet", type=Path, metavar="FILE", help="PNG of the first strokes, each with its path"),
         ),
         _card,
     ),
