@@ -54,3 +54,12 @@ def test_a_picture_is_sculpted(tmp_path: Path) -> None:
     assert commission is not None
     assert to_plain(commission.goal) == to_plain(ClayGoal("image", str(tmp_path / "face.png")))
     assert (tmp_path / "s" / PREVIEW).is_file()
+
+
+def test_a_bundle_says_what_it_can_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = add_clay(write_tiny_bundle(tmp_path / "bundle"))
+    assert main(["bundle", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert f"{folder} is whole" in said and "--material foam: " in said and "--setting " in said
+    (folder / "manifest.json").write_bytes((folder / "manifest.json").read_bytes()[:-9])
+    assert main(["bundle", str(folder)]) == 1

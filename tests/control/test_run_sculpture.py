@@ -22,6 +22,7 @@ from pentimento.control.checkpoint import SculptureState, load_sculpture
 from pentimento.control.commission import ClayCommission, ClayGoal, read_clay_commission
 from pentimento.control.person import Control, Order, Progress
 from pentimento.control.run_sculpture import Ended, clay_commission_of, run_sculpture
+from pentimento.control.sculptor import Sculptor
 from pentimento.dynamics.pushes.measured import load_pushes
 from pentimento.dynamics.pushes.measured_scene import scene_of
 from pentimento.goals3d.fonts import installed_fonts
@@ -176,6 +177,42 @@ def test_sculpture_killed_during_a_push_scans_again_on_resume(
     assert read.table.num_rows == len(state.progress.actions) and not read.quarantined
     moved = np.abs(state.progress.heights_m[1] - saved.progress.heights_m[1]).max()
     assert moved > 1e-3  # the push was in the journal, so the studio executed it either way
+
+
+def test_sculpture_killed_before_it_plans_again_equals_an_uninterrupted_one(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = sculpted(commissioned(bundle), tmp_path / "whole")
+    with monkeypatch.context() as patched, pytest.raises(Killed):
+        patched.setattr(Sculptor, "replan", lambda *_: killed())
+        sculpted(commissioned(bundle), tmp_path / "parts")
+    assert load_sculpture(tmp_path / "parts").progress.due == 0
+    parts = sculpted(commissioned(bundle), tmp_path / "parts", resume=True)
+    assert parts.stopped == whole.stopped
+    np.testing.assert_array_equal(np.array(parts.progress.actions), np.array(whole.progress.actions))
+
+
+def test_a_push_that_was_recorded_and_not_confirmed_has_no_row(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = module.write_push
+
+    def record_and_die(folder: Path, row: dict[str, Any]) -> None:
+        real(folder, row)
+        killed()
+
+    with monkeypatch.context() as patched, pytest.raises(Killed):
+        patched.setattr(module, "write_push", record_and_die)
+        sculpted(commissioned(bundle), tmp_path / "s")
+    state = sculpted(commissioned(bundle), tmp_path / "s", resume=True)
+    orders = read_table(tmp_path / "s/pushes", CONTRACT).table["order"].to_pylist()
+    assert orders == list(range(len(state.progress.actions)))
+    assert read_image(tmp_path / "s/sculpture.png").ndim == 3
+
+
+def killed() -> None:
+    """End the process."""
+    raise Killed
 
 
 def test_commission_takes_the_bundles_settings_where_the_command_says_nothing(bundle: Path) -> None:

@@ -145,6 +145,7 @@ def _paint(
     from pentimento.control.checkpoint import has_state
     from pentimento.control.expression import PLAIN
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
+    from pentimento.control.pictures import PHOTOGRAPH
     from pentimento.control.run import run
 
     control, progress = Control(), Progress()
@@ -165,7 +166,7 @@ def _paint(
             error.add_note(f"Go on with: {go_on}")
         raise
     progress.message("")
-    print(f"{state.message} The painting is in {folder}.")
+    print(f"{state.message} The painting is in {folder / PHOTOGRAPH}.")
     if turns.in_turns:
         print(f"Go on with: {go_on}")
 
@@ -195,9 +196,10 @@ def _replay(arguments: argparse.Namespace) -> None:
 
 
 def _sculpt(arguments: argparse.Namespace) -> None:
+    from pentimento.control.checkpoint import has_sculpture
     from pentimento.control.commission import read_clay_commission
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
-    from pentimento.control.run_sculpture import clay_commission_of, run_sculpture
+    from pentimento.control.run_sculpture import PICTURE, clay_commission_of, run_sculpture
 
     folder: Path = arguments.out if arguments.resume is None else arguments.resume
     commission = read_clay_commission(folder) if arguments.resume is not None else None
@@ -208,12 +210,34 @@ def _sculpt(arguments: argparse.Namespace) -> None:
         )  # fmt: skip
     control, progress = Control(), Progress()
     at_terminal(control, progress)
-    with ended_by_signal():
-        state = run_sculpture(
-            commission, folder, resume=arguments.resume is not None, control=control, progress=progress
-        )
+    try:
+        with ended_by_signal():
+            state = run_sculpture(
+                commission, folder, resume=arguments.resume is not None, control=control, progress=progress
+            )
+    except KeyboardInterrupt as error:
+        if has_sculpture(folder):
+            error.add_note(f"Go on with: pentimento run --resume {folder}")
+        raise
     progress.message("")
-    print(f"{len(state.progress.actions)} pushes; {state.stopped}. The sculpture is in {folder}.")
+    made = len(state.progress.actions)
+    print(f"{made} push{'' if made == 1 else 'es'}; {state.stopped}. The sculpture is in {folder / PICTURE}.")
+
+
+def _bundle(arguments: argparse.Namespace) -> None:
+    from pentimento.bundle.reader import open_bundle
+
+    opened = open_bundle(arguments.bundle)
+    manifest = opened.manifest
+    print(f"{arguments.bundle} is whole: {len(manifest.files)} files, digest {opened.digest[:12]}.")
+    for name, setting in manifest.settings.items():
+        across, along = (f"{1e3 * side:.0f}" for side in setting.canvas_m)
+        print(f"--setting {name}: {Path(setting.tool).stem}, {across} x {along} mm, up to {setting.strokes} strokes")
+    for name, clay in manifest.clays.items():
+        print(f"--material {name.removeprefix('clay_')}: {clay.end_effector}, {clay.kind}es")
+    for name in manifest.hands:
+        print(f"--hand {name}")
+    print(f'Begin with: pentimento run {arguments.bundle} --goal-text "a sun" --out sun')
 
 
 def _clay_goal(arguments: argparse.Namespace) -> ClayGoal:
@@ -238,7 +262,9 @@ def _print_address(address: str) -> None:
 
 
 def _problem_of_run(arguments: argparse.Namespace) -> str | None:
-    if (arguments.bundle is None) == (arguments.resume is None):
+    if arguments.bundle is not None and arguments.resume is not None:
+        return "--resume knows the bundle; leave it out."
+    if arguments.bundle is None and arguments.resume is None:
         return "give a bundle to begin a painting, or --resume FOLDER to go on with one."
     if arguments.bundle is not None and arguments.out is None:
         return "--out FOLDER says where the painting is kept."
@@ -303,6 +329,12 @@ _SOUND_MODEL: dict[str, Any] = {
 _CALIBRATION: dict[str, Any] = {"type": Path, "default": Path("calibration"), "metavar": "FOLDER"}
 
 COMMANDS = (
+    Command(
+        "bundle",
+        "check a bundle, and list what `pentimento run` can do with it",
+        (option("bundle", type=Path, help="its folder"),),
+        _bundle,
+    ),
     Command(
         "run",
         "paint beside a person from a bundle: plan, paint, look, replan",

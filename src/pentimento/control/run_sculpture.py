@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pentimento.bundle.clays import clay_members
 from pentimento.bundle.graphs import Graphs
@@ -27,7 +28,7 @@ from pentimento.control.person import Control, Progress
 from pentimento.control.place_safety import place_envelope_for
 from pentimento.control.placing import Placer
 from pentimento.control.push_safety import MIN_CLEARANCE_M, GuardedSculptingRobot, push_envelope_for
-from pentimento.control.recording import write_push
+from pentimento.control.recording import remove_shards, write_push
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.control.sculptor import Array, Outcome, Sculptor, SculptureProgress, seen_m
 from pentimento.goals3d.mesh_files import MESHES
@@ -41,6 +42,8 @@ SUMMARY: Final = "sculpture.json"
 """In a finished sculpture's folder: number of actions, and errors of height (mm²) and slope before and after."""
 PREVIEW: Final = "preview.png"
 """In its folder before anything moves: the clay and the goal, lit, side by side."""
+PICTURE: Final = "sculpture.png"
+"""In a finished sculpture's folder: the clay before, the goal and the result, lit, side by side."""
 _SCAN_PIXELS: Final = (16, 1024)
 """Fewer do not resolve a dent; more take the studio minutes a push."""
 _PREVIEW_PX: Final = 384
@@ -144,7 +147,7 @@ def run_sculpture(
                 robot.change_tool(end_effector)
                 seen = seen_m(robot.scan())[0]
                 goal = _goal(commission, settings, seen, robot.area_m, tell=progress.message)
-                _preview(folder, seen, goal, facts.window_m)
+                _write_lit(folder / PREVIEW, (seen, goal), facts.window_m)
                 progress.message(f"Nothing has moved yet; {folder / PREVIEW} shows the clay and the goal.")
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
@@ -183,8 +186,12 @@ def _sculpt(
         )
 
     state = sculptor.begin()[0] if saved is None else saved.progress
+    # A push is recorded before it is confirmed: one that never was has a row that is taken back.
+    remove_shards(folder / RECORD, len(state.actions))
     if state.pending:
         state = sculptor.rescan(state)
+    elif saved is not None and state.due == 0:  # it ended between the last push of a plan and the next plan
+        state = sculptor.replan(state, changed=False)
     hooks = Hooks(interrupt=interrupt, checkpoint=checkpoint, on_action=show)
     state, stopped = sculptor.run(checkpoint(state), hooks)
     if stopped is None:
@@ -239,7 +246,7 @@ def _goal(
         tell("The goal is flat; the clay will be smoothed.")
     if fit.raised:
         tell(
-            f"{100 * fit.raised / fit.height_m.size:.1f} % of the goal lay deeper than the tools reach and was raised."
+            f"{100 * fit.raised / fit.height_m.size:.2g} % of the goal lay deeper than the tools reach and was raised."
         )
     return fit.height_m
 
@@ -271,16 +278,17 @@ def _relief(
     return relief_of(source, shape, share, soften_px=blur_px, up=goal.up, font=font, tell=tell)
 
 
-def _preview(folder: Path, height_m: Array, goal_m: Array, window_m: tuple[float, float, float, float]) -> None:
-    scale = max(_PREVIEW_PX // max(height_m.shape), 1)
-    pictures = [photograph(heights, np.array(window_m), scale) for heights in (height_m, goal_m)]
-    atomic_write(folder / PREVIEW, encode_png(np.hstack(pictures)))
+def _write_lit(file: Path, heights_m: Sequence[Array], window_m: ArrayLike) -> None:
+    """Write height maps [H, W] as photographs in a low light, side by side."""
+    scale = max(_PREVIEW_PX // max(heights_m[0].shape), 1)
+    atomic_write(file, encode_png(np.hstack([photograph(each, np.array(window_m), scale) for each in heights_m])))
 
 
 def _write_summary(folder: Path, sculptor: Sculptor, state: SculptureProgress, stopped: Outcome) -> None:
     maps = (state.heights_m[0], sculptor.goal_m, state.heights_m[-1])
     for name, heights in zip(HEIGHTS, maps, strict=True):
         atomic_write(folder / f"{name}.png", encode_height_png(heights, HEIGHT_PER_UNIT_M))
+    _write_lit(folder / PICTURE, maps, sculptor.members[0].window_m)
     objective, ends = sculptor.foresight.objective, np.stack([maps[0], maps[2]])
     error, slope = objective.error_3d_mm2(ends).tolist(), objective.visual_error(ends).tolist()
     summary = {
