@@ -62,9 +62,9 @@ class TimedSculptor(Sculptor):
 
     clock: Clock
 
-    def _plan(self, height_m: Array, executed: tuple[FloatArray, ...], begun: FloatArray | None = None) -> PushPlan:
+    def _plan(self, height: Array, executed: tuple[FloatArray, ...], *, begun: FloatArray | None) -> PushPlan:
         wall, cpu = time.perf_counter(), time.process_time()
-        made = super()._plan(height_m, executed, begun)
+        made = super()._plan(height, executed, begun=begun)
         self.clock.wall_s += time.perf_counter() - wall
         self.clock.cpu_s += time.process_time() - cpu
         self.clock.plans += 1
