@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.contracts.observations import Scan
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
+from pentimento.control.sculptor import reach_for
 from pentimento.robots.driver import Push
 from pentimento.robots.tools import EndEffector, load_end_effector
 
@@ -60,6 +61,15 @@ def test_push_envelope_accepts_and_copies_an_inner_push() -> None:
 def test_push_envelope_accepts_limits_in_single_precision() -> None:
     limits = np.array([0.0, 0.2, 0.0, 0.04, 0.012], dtype=np.float32)
     ENVELOPE.check(Push("push", limits, 0.04, float(np.float32(0.06)), 4.0, float(np.float32(0.12))))
+
+
+@pytest.mark.parametrize("name", ["ball", "gripper"])
+def test_the_planner_cannot_choose_what_the_envelope_refuses(name: str) -> None:
+    end_effector = load_end_effector(name)
+    envelope = push_envelope_for(end_effector, (0.2, 0.2))
+    reach = reach_for(end_effector, (0.2, 0.2), 0.002)
+    for action in reach.draw(200, np.random.default_rng(0)):
+        envelope.check(replace(FINE, kind=end_effector.kind, action=action))
 
 
 @pytest.mark.parametrize(

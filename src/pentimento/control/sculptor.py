@@ -102,7 +102,11 @@ def _pushes(actions: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
 
 
 def reach_for(end_effector: EndEffector, area_m: tuple[float, float], edge_m: float) -> Reach:
-    """The actions that are allowed for an end-effector on a slab, ``edge_m`` from its edge."""
+    """The actions that are allowed for an end-effector on a slab, ``edge_m`` from its edge.
+
+    An action's place is the middle of a pinch, whose open fingers must be on the slab in any direction.
+    """
+    edge_m = max(edge_m, end_effector.opening_m / 2)
     return Reach(
         (edge_m, edge_m, area_m[0] - edge_m, area_m[1] - edge_m),
         end_effector.travel_m,
