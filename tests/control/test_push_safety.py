@@ -169,7 +169,7 @@ def test_push_guard_says_when_the_tool_could_not_be_lifted() -> None:
     robot = GuardedSculptingRobot(recorder, ENVELOPE)
     robot.change_tool(BALL)
     recorder.broken = recorder.stuck = True
-    with pytest.raises(LiftError, match="may still rest in the material.*axis jams"):
+    with pytest.raises(LiftError, match=r"may still rest in the material.*axis jams"):
         robot.push(FINE)
     assert robot.stopped is not None
 

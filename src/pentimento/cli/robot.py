@@ -378,7 +378,7 @@ COMMANDS = (
             ),
             option(
                 "--material",
-                help="sculpt this clay of the bundle instead of painting: in the studio, or with --robot by a rig with a scanner",
+                help="sculpt this clay of the bundle instead of painting, in the studio or by a rig with a scanner",
             ),
             option(
                 "--letter",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import EnvelopeViolation, PentimentoError
 from pentimento.contracts.observations import Photo
 from pentimento.control.safety import ROUNDING_M, SafetyEnvelope
-from pentimento.robots.driver import Robot
+from pentimento.robots.driver import Robot, SculptingRobot
 from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
@@ -38,9 +38,9 @@ class LiftError(PentimentoError):
 class StopLatch:
     """What guards of robots have in common: a stop lifts the tool and is latched until a person releases it."""
 
-    def __init__(self, lift: Callable[[], None], work: str) -> None:
-        """`lift` is the driver's; `work` is what the tool may rest on, for messages."""
-        self._lift, self._work = lift, work
+    def __init__(self, robot: Robot | SculptingRobot, work: str) -> None:
+        """`work` is where the tool may rest, for messages."""
+        self._lifted, self._work = robot, work
         self._stopped: str | None = None
         self._latch = threading.Lock()
         self._idle = threading.Event()  # no command is being executed
@@ -74,7 +74,7 @@ class StopLatch:
     def lift(self) -> None:
         """Stop where the tool is and raise it; allowed at any time. Raises LiftError if that fails."""
         try:
-            self._lift()
+            self._lifted.lift()
         except Exception as error:
             with self._latch:
                 self._stopped = self._stopped or "the tool could not be lifted"
@@ -131,7 +131,7 @@ class GuardedRobot(StopLatch):
         self._envelope = envelope
         self._tool_fits = False
         self._paints = 0
-        super().__init__(robot.lift, "on the canvas")
+        super().__init__(robot, "on the canvas")
 
     @property
     def envelope(self) -> SafetyEnvelope:

@@ -96,7 +96,7 @@ def open_clay(
     ask: Callable[[str], None],
     feeder: Feeder | None,
 ) -> ClayRobotHandle:
-    """The robot for an end-effector, guarded by its envelopes. Without ``execute``, hardware is rehearsed in the studio.
+    """The robot for an end-effector, guarded by its envelopes. Without ``execute``, the studio rehearses for hardware.
 
     Args:
         rig: of ``clay_rig``.
@@ -173,7 +173,7 @@ def narrowed(envelope: PushEnvelope, limits: Mapping[str, float]) -> PushEnvelop
 
 
 class RigGuardedSculptor(GuardedSculptingRobot):
-    """A guarded robot at a rig: a push that the rig does not reach is refused, and one that takes too long is stopped."""
+    """A guarded robot at a rig: it refuses pushes out of the rig's reach, and stops those that take too long."""
 
     def __init__(self, robot: SculptingRobot, envelope: PushEnvelope, rig: Rig, journey_s: float) -> None:
         """`journey_s` is the maximum time of all that is not the push itself."""

@@ -206,7 +206,7 @@ class GuardedSculptingRobot(StopLatch):
                 )
         self._robot, self._envelope, self._places = robot, envelope, places
         self._tool_fits = False
-        super().__init__(robot.lift, "in the material")
+        super().__init__(robot, "in the material")
 
     @property
     def envelope(self) -> PushEnvelope:

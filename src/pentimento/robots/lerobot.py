@@ -154,7 +154,7 @@ class LeRobotArm:
         return np.array(found[1:])
 
     def _reached(self, pose: FloatArray, before: FloatArray) -> FloatArray:
-        """[J]: the joint angles of a pose [4, 4], from those of the pose before it. MachineError: it is out of reach."""
+        """[J]: the joint angles of a pose [4, 4], from those of the pose before it. MachineError if out of reach."""
         angles = solve(self._arm, pose, self._hand_to_tip, before)
         away_m, turned_rad = miss(self._arm, angles, pose, self._hand_to_tip)
         if away_m > REACHED_M or turned_rad > REACHED_RAD:

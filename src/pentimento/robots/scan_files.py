@@ -1,11 +1,12 @@
 """Scans from files: depth pictures or height maps, as the program of any depth camera saves them.
 
-``FolderScanner`` waits for the file that another program saves; ``RecordedScanner`` replays a folder. Files are ``.npy``
-(float, metres, NaN = hole; a depth of 0 is a hole, too) and ``.png`` (16 bits, 0 = hole).
+``FolderScanner`` waits for the file that another program saves; ``RecordedScanner`` replays a folder. Files are
+``.npy`` (float, metres, NaN = hole; a depth of 0 is a hole, too) and ``.png`` (16 bits, 0 = hole).
 """
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,7 +90,7 @@ class ScanFiles:
     def _values(self, path: Path) -> FloatArray:
         """Depths or heights [H, W] in metres, NaN = hole."""
         try:
-            if path.suffix == ".png":
+            if path.suffix.lower() == ".png":
                 if self.unit_m is None:
                     raise ConfigError('[scanner] does not say the unit of a PNG; add unit = "0.1 mm".')
                 return decode_height_m(path.read_bytes(), self.unit_m)
@@ -123,13 +124,13 @@ class FolderScanner:
         _checked(files)
 
     def scan(self) -> Scan:
-        old, deadline_s = set(_names(self._files.folder)), time.monotonic() + self._files.wait_s
-        sizes: dict[Path, int] = {}
+        old, deadline_s = set(_sizes(self._files.folder)), time.monotonic() + self._files.wait_s
+        before: dict[Path, int] = {}
         while True:
-            new = [path for path in _names(self._files.folder) if path not in old]
-            if new and sizes.get(new[-1]) == (size := new[-1].stat().st_size) and size > 0:
-                return self._files.read(new[-1], self._area_m, self._shape)
-            sizes = {path: path.stat().st_size for path in new}
+            now = {path: size for path, size in _sizes(self._files.folder).items() if path not in old}
+            if complete := [path for path, size in now.items() if size > 0 and before.get(path) == size]:
+                return self._files.read(complete[-1], self._area_m, self._shape)
+            before = now
             if time.monotonic() > deadline_s:
                 raise ScannerError(
                     f"No new scan came into {self._files.folder} within {self._files.wait_s:g} s; start the program "
@@ -151,7 +152,7 @@ class RecordedScanner:
         """Raises ConfigError: no such folder, or an entry that depth pictures need is missing."""
         self._files, self._area_m, self._shape = files, area_m, shape
         _checked(files)
-        self._left = _names(files.folder)
+        self._left = list(_sizes(files.folder))
         self._count = len(self._left)
 
     def scan(self) -> Scan:
@@ -183,5 +184,8 @@ def _checked(files: ScanFiles) -> None:
     _ = files.camera
 
 
-def _names(folder: str) -> list[Path]:
-    return sorted(path for path in Path(folder).iterdir() if path.suffix.lower() in SUFFIXES)
+def _sizes(folder: str) -> dict[Path, int]:
+    """The scans' files in the order of their names, with their sizes in bytes."""
+    with os.scandir(folder) as entries:
+        found = {Path(entry.path): entry.stat().st_size for entry in entries if entry.name.lower().endswith(SUFFIXES)}
+    return dict(sorted(found.items()))

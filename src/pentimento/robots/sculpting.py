@@ -27,8 +27,8 @@ CLEARANCE_M: Final = 0.005
 
 
 def push_path(push: Push) -> FloatArray:
-    """The tip's motion [N, 5] of a push, canvas frame, z above the table: from the surface in a straight line to its end
-    (thesis 7.3.2), and the rest there.
+    """The tip's motion [N, 5] of a push, canvas frame, z above the table: in a straight line from the surface to its
+    end (thesis 7.3.2), and the rest there.
 
     The yaw is the direction of travel, or its opposite where that turns the hand less: end-effectors look the same
     after half a turn.
