@@ -147,6 +147,8 @@ def test_rehearsal_checks_the_reach_without_a_machine() -> None:
     check_push_reach(push(), RIG)
     with pytest.raises(EnvelopeViolation, match="out of the reach"):
         check_push_reach(push(), replace(RIG, reach_m=((0.1, 0.0, 0.076), (0.5, 0.6, 0.3))))
+    with pytest.raises(EnvelopeViolation, match=r"travels 30 mm above the table, and the slab is 30 mm high"):
+        check_push_reach(push(), replace(RIG, travel_height_m=0.03))
 
 
 def test_what_the_robot_cannot_do_is_said() -> None:

@@ -54,13 +54,24 @@ def push_path(push: Push) -> FloatArray:
 
 
 def check_push_reach(push: Push, rig: Rig) -> None:
-    """Raise EnvelopeViolation unless a push, the way down to it and the way up lie within the rig's reach."""
+    """Raise EnvelopeViolation unless a push, the way down to it and the way up lie within the rig's reach, and the tip
+    travels above the surface at its start."""
+    _check_clear(push.surface_m, rig)
     path = on_surface(push_path(push), rig)
     above = path[0, 1:].copy()
     above[2] = max(rig.travel_height_m, float(above[2]))
     up = way_up(path[-1, 1:], rig, push.retract_speed_m_s)
     for way in (*ways_to(above, path[0, 1:], rig), path, *([] if up is None else [up])):
         check_reach(poses_of(way, rig), rig, "motion to, along or from the push")
+
+
+def _check_clear(surface_m: float, rig: Rig) -> None:
+    if not rig.travel_height_m >= surface_m + CLEARANCE_M:
+        raise EnvelopeViolation(
+            f"The tip travels {1e3 * rig.travel_height_m:.4g} mm above the table, and the slab is "
+            f"{1e3 * surface_m:.4g} mm high; {1e3 * CLEARANCE_M:g} mm must lie between them. Raise [travel] height of "
+            "the rig file. The command was refused."
+        )
 
 
 class HardwareSculptor(TipCarrier):
@@ -95,12 +106,7 @@ class HardwareSculptor(TipCarrier):
         """Raises EnvelopeViolation, before anything moves, where the tip would hit the clay on its way."""
         if self._highest_m is None:
             raise EnvelopeViolation("The slab was not scanned yet, so that its height is unknown; scan before a push.")
-        if not self._rig.travel_height_m >= self._highest_m + CLEARANCE_M:
-            raise EnvelopeViolation(
-                f"The tip travels {1e3 * self._rig.travel_height_m:.4g} mm above the table, and the slab is "
-                f"{1e3 * self._highest_m:.4g} mm high at its highest point; {1e3 * CLEARANCE_M:g} mm must lie between "
-                "them. Raise [travel] height of the rig file. The command was refused."
-            )
+        _check_clear(max(self._highest_m, push.surface_m), self._rig)
         measured = self._travel(on_surface(push_path(push), self._rig), "push", push.retract_speed_m_s)
         return off_surface(measured, self._rig)
 
