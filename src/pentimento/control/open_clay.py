@@ -164,7 +164,7 @@ def scanner_of(rig: Rig, scan_pixels: int) -> Scanner:
 
 def narrowed(envelope: PushEnvelope, limits: Mapping[str, float]) -> PushEnvelope:
     """The envelope within a rig's limits (``Rig.limits``), which never widen it."""
-    found = {}
+    found: dict[str, float] = {}
     for name, ours in _LIMITS.items():
         if name in limits:
             pick = max if "min" in name else min

@@ -169,7 +169,7 @@ def run_sculpture(
                 seen = seen_m(robot.scan())[0]
                 goal = _goal(commission, settings, seen, robot.area_m, tell=progress.message)
                 _preview(folder, seen, goal, facts.window_m)
-                progress.message(f"Nothing has moved yet; {folder / PREVIEW} shows the clay and the goal.")
+                progress.message(f"The clay is untouched yet; {folder / PREVIEW} shows it and the goal.")
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
                 members=clay_members(Graphs(bundle), name), grid=facts.shape,

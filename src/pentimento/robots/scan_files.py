@@ -181,7 +181,7 @@ def _checked(files: ScanFiles) -> None:
         raise ConfigError(f"[scanner]: wait is {files.wait_s:g} s; it is above zero.")
     if files.unit_m is not None and not files.unit_m > 0:
         raise ConfigError(f"[scanner]: unit is {files.unit_m:g} m; it is above zero.")
-    _ = files.camera
+    _ = files.camera  # raises where an entry is missing
 
 
 def _sizes(folder: str) -> dict[Path, int]:
