@@ -4,7 +4,7 @@ The file `robocook_dough_states.npz` in the folder that PENTIMENTO_MEASURED name
 as point clouds, and nine transitions between them, each by another tool. No action is recorded. So nothing can be
 predicted before the fact: each transition is compared with no change, with the mean change of the other eight, and with
 the best push of the studio's analytic model that a search finds *afterwards*. The search has six free numbers; how much
-such freedom explains by itself is measured on the same transition backwards, from after to before, which no push makes.
+such freedom explains by itself is measured on the same transition backwards, from after to before, which no tool made.
 
 Clouds become height maps in the project's frame: x and y of the robot's base, z above the lowest point of the two
 clouds, cells of 4 mm, the highest point in each. The clouds are of dough alone: a cell without a point is table.
@@ -40,11 +40,13 @@ CELLS: Final = 48
 WINDOW_M: Final = (0.0, 0.0, CELLS * CELL_M, CELLS * CELL_M)
 CUT_OR_CARRIED: Final = ("cutter_planar", "pusher", "spatula_small", "spatula_large", "hook")
 """Tools after which part of the dough is gone, or all of it lies elsewhere: no push does that."""
-ROUNDS, TRIES, BEST = 8, 128, 16
-"""Of the search: rounds, pushes in each, and those from which the next are drawn."""
-LOW: Final = np.array([0.03, 0.03, -np.pi, 0.0, 0.001, np.log(0.004)])
-HIGH: Final = np.array([0.162, 0.162, np.pi, 0.06, 0.035, np.log(0.03)])
-"""Range of the search: x, y, direction, length, depth, and the logarithm of the footprint's half-width."""
+ROUNDS, TRIES, BEST = 10, 128, 16
+"""Of the search: rounds, pushes in each (eight times as many in the first), and those that the next are drawn from."""
+LOW: Final = np.array([-np.pi, 0.0, 0.001, np.log(0.004)])
+HIGH: Final = np.array([np.pi, 0.06, 0.045, np.log(0.03)])
+"""Range of the search: direction, length, depth, and the logarithm of the footprint's half-width."""
+BESIDE_M: Final = 0.01
+"""A push starts on the dough before, or this near to its box."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +67,12 @@ class Transition:
         """[H, W]: cells with dough before or after."""
         return (self.before_m > 0) | (self.after_m > 0)
 
-    def error_mm2(self, predicted_m: FloatArray) -> float:
-        """Mean squared error of heights after, over all cells with dough before or after."""
-        return float(1e6 * ((predicted_m - self.after_m)[self.dough] ** 2).mean())
+    def error_mm2(self, predicted_m: FloatArray) -> FloatArray:
+        """Squared error of heights after [..., H, W], summed over the window, for each cell with dough before or after.
+
+        Dough that is predicted on the bare table counts, too.
+        """
+        return np.asarray(1e6 * ((predicted_m - self.after_m) ** 2).sum(axis=(-2, -1)) / self.dough.sum())
 
     @property
     def reverse(self) -> Transition:
@@ -149,27 +154,28 @@ def mean_of_others(pairs: list[Transition], number: int) -> FloatArray:
 def best_push(pair: Transition, *, seed: int) -> Found:
     """The push of the analytic model that leaves the least error of a transition, by a cross-entropy search."""
     rng = np.random.default_rng(seed)
-    middle, spread = 0.5 * (LOW + HIGH), 0.5 * (HIGH - LOW)
-    best, error = np.zeros(6), pair.error_mm2(pair.before_m)
-    predicted = pair.before_m
-    for number in range(ROUNDS):
-        if number == 0:
-            tries = rng.uniform(LOW, HIGH, (4 * TRIES, 6))
-        else:
-            tries = np.clip(rng.normal(middle, spread, (TRIES, 6)), LOW, HIGH)
+    rows, columns = np.nonzero(pair.before_m)
+    box = np.array([[columns.min(), CELLS - 1 - rows.max()], [columns.max() + 1, CELLS - rows.min()]]) * CELL_M
+    low, high = np.concatenate([box[0] - BESIDE_M, LOW]), np.concatenate([box[1] + BESIDE_M, HIGH])
+    tries = rng.uniform(low, high, (8 * TRIES, 6))
+    best, error, predicted = tries[:1], float(pair.error_mm2(pair.before_m)), pair.before_m
+    for _ in range(ROUNDS):
         after = np.concatenate([pushed(pair.before_m, some) for some in np.array_split(tries, len(tries) // 32)])
-        errors = 1e6 * ((after - pair.after_m)[:, pair.dough] ** 2).mean(axis=1)
+        errors = pair.error_mm2(after)
         order = np.argsort(errors)[:BEST]
-        middle, spread = tries[order].mean(axis=0), np.maximum(tries[order].std(axis=0), 0.02 * (HIGH - LOW))
         if errors[order[0]] < error:
-            best, error, predicted = tries[order[0]], float(errors[order[0]]), after[order[0]]
-    return Found(best[:5], float(np.exp(best[5])), predicted)
+            best, error, predicted = tries[order[:1]], float(errors[order[0]]), after[order[0]]
+        chosen = np.concatenate([tries[order], best])
+        spread = np.maximum(chosen.std(axis=0), 0.01 * (high - low))
+        tries = np.clip(rng.normal(chosen[rng.integers(len(chosen), size=TRIES)], 0.5 * spread), low, high)
+    return Found(best[0, :5], float(np.exp(best[0, 5])), predicted)
 
 
 def pushed(before_m: FloatArray, tries: FloatArray) -> FloatArray:
     """Heights [K, H, W] after pushes [K, 6] as searched, by the base of the analytic model before any fit.
 
-    Nothing sinks below the table. The depth counts from the highest dough under the path, as a tool meets it.
+    The depth counts from the highest dough under the path, as a tool meets it, and ends at the table. Where there is
+    none under the path, nothing changes.
     """
     action, count = tries[:, :5].copy(), len(tries)
     window = np.tile(np.array(WINDOW_M), (count, 1))
@@ -178,6 +184,10 @@ def pushed(before_m: FloatArray, tries: FloatArray) -> FloatArray:
     for k in range(count):  # one half-width a scene
         near = (np.abs(across[k]) < CELL_M) & (along[k] > -CELL_M) & (along[k] < action[k, 3] + CELL_M)
         top = float(before_m[near].max(initial=0.0))
+        if top == 0:
+            after[k] = before_m
+            continue
+        action[k, 4] = min(action[k, 4], top)
         scene = push_scene(
             (before_m - top)[None].astype(np.float32), along[k : k + 1], across[k : k + 1],
             worked=np.zeros((1, *before_m.shape), np.float32), action=action[k : k + 1], history_known=False,
@@ -201,7 +211,7 @@ def interval(values: list[float]) -> tuple[float, float]:
 
 def rise_mm(pair: Transition, after_m: FloatArray) -> float:
     """The 95th percentile of what rose by more than .5 mm; 0 where nothing did."""
-    risen = (after_m - pair.before_m)[pair.dough]
+    risen = after_m - pair.before_m
     risen = risen[risen > 0.0005]
     return float(1e3 * np.quantile(risen, 0.95)) if risen.size else 0.0
 
@@ -230,11 +240,12 @@ def picture(pairs: list[Transition], found: list[Found]) -> NDArray[np.uint8]:
 
 def page(pairs: list[Transition], others: list[FloatArray], found: list[Found], backwards: list[Found]) -> str:
     """The page in Markdown."""
-    lines, gains, freedom, whole = [], [], [], []
+    lines: list[str] = []
+    gains, freedom, whole = list[float](), list[float](), list[float]()
     for pair, other, one, back in zip(pairs, others, found, backwards, strict=True):
-        nothing = pair.error_mm2(pair.before_m)
-        gain = share(pair.error_mm2(one.predicted_m), nothing)
-        control = share(pair.reverse.error_mm2(back.predicted_m), nothing)
+        nothing = float(pair.error_mm2(pair.before_m))
+        gain = share(float(pair.error_mm2(one.predicted_m)), nothing)
+        control = share(float(pair.reverse.error_mm2(back.predicted_m)), nothing)
         gains.append(gain)
         freedom.append(control)
         if pair.tool not in CUT_OR_CARRIED:
@@ -242,7 +253,7 @@ def page(pairs: list[Transition], others: list[FloatArray], found: list[Found], 
         before, after, model = (volume_ml(h) for h in (pair.before_m, pair.after_m, one.predicted_m))
         lines.append(
             f"| {pair.tool} | {before:.0f} → {after:.0f} ml | {percent(outside(pair))} | {decimal(nothing)} | "
-            f"{percent(share(pair.error_mm2(other), nothing))} | {percent(gain)} | {percent(control)} | "
+            f"{percent(share(float(pair.error_mm2(other)), nothing))} | {percent(gain)} | {percent(control)} | "
             f"{decimal(pair.sampling_mm2)} | {percent(model / before - 1)} / {percent(after / before - 1)} | "
             f"{rise_mm(pair, one.predicted_m):.1f} / {rise_mm(pair, pair.after_m):.1f} mm |"
         )
@@ -272,19 +283,20 @@ their folder. Ten states of one piece of dough give {count} transitions, each by
 recorded**, so no model can predict them before the fact. What is measured is how much of each a single push *could*
 explain. (The authors' repository has actions of other transitions: [recording pushes](recording_pushes.md).)
 
-Heights on cells of 4 mm, the highest point of each, above the lowest point of the pair; errors are mean squared, mm²,
-over all cells with dough before or after. *Mean of others*: the mean change of the other transitions. *Best push*: the
-analytic model with the parameters of its start (nothing is fitted to dough), place, direction, length, depth and width
-searched afterwards. *Backwards*: what the same search explains of the transition from after to before, which no push
-makes: what six free numbers are worth. *Halves*: the difference between two halves of one cloud, a lower bound of the
-measurement's noise. Volume and rise (95th percentile of what rose): by the best push / measured.
+Heights on cells of 4 mm, the highest point of each, above the lowest point of the pair; errors are squared, mm², summed
+over the window, for each cell with dough before or after. *Mean of others*: the mean change of the other transitions.
+*Best push*: the analytic model with the parameters of its start (nothing is fitted to dough); place, direction, length,
+depth and width are searched afterwards. *Backwards*: what the same search explains of the transition from after to
+before, which no tool made: what six free numbers are worth. *Halves*: the difference between two halves of one cloud,
+a lower bound of the measurement's noise. Volume and rise (95th percentile of what rose): by the best push / measured.
 
 | tool | volume | dough on bare table | no change | mean of others | best push | backwards | halves | volume | rise |
 |---|---|---|---|---|---|---|---|---|---|
 {lines}
 
-The best push removes {gain} of the error of no change, backwards {freedom}; paired, the difference is {difference}. Of
-the {kept} transitions in which the dough stayed where it was and nothing was taken away ({kept_tools}) it is {whole}.
+The best push removes {gain} of the error of no change, backwards {freedom}; paired, the difference is {difference}.
+Of the {kept} transitions in which the dough stayed where it was and nothing was taken away ({kept_tools}) it is
+{whole}.
 Intervals are Student's t of 95 %, as if the transitions were independent.
 
 Before, after, and the best push; from left to right and then down:

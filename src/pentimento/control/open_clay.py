@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,7 +164,7 @@ def scanner_of(rig: Rig, scan_pixels: int) -> Scanner:
 
 def narrowed(envelope: PushEnvelope, limits: Mapping[str, float]) -> PushEnvelope:
     """The envelope within a rig's limits (``Rig.limits``), which never widen it."""
-    found: dict[str, float] = {}
+    found: dict[str, Any] = {}
     for name, ours in _LIMITS.items():
         if name in limits:
             pick = max if "min" in name else min
