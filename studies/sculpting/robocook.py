@@ -39,7 +39,7 @@ CELL_M: Final = 0.004
 CELLS: Final = 48
 WINDOW_M: Final = (0.0, 0.0, CELLS * CELL_M, CELLS * CELL_M)
 CUT_OR_CARRIED: Final = ("cutter_planar", "pusher", "spatula_small", "spatula_large", "hook")
-"""Tools after which part of the dough is gone, or all of it lies elsewhere: no push does that."""
+"""Tools after which part of the dough is gone, or all of it lies at another place: no push does that."""
 ROUNDS, TRIES, BEST = 10, 128, 16
 """Of the search: rounds, pushes in each (eight times as many in the first), and those that the next are drawn from."""
 LOW: Final = np.array([-np.pi, 0.0, 0.001, np.log(0.004)])
@@ -58,7 +58,7 @@ class Transition:
     """[H, W] above the lowest point of both clouds; 0 where there is no dough."""
     after_m: FloatArray
     carried: bool
-    """The dough lay elsewhere after; ``after_m`` is moved back by the distance of the two middles."""
+    """The dough lay at another place after; ``after_m`` is moved back by the distance of the two middles."""
     sampling_mm2: float
     """Mean squared difference of the heights of two random halves of the cloud after, where both have dough."""
 
@@ -172,7 +172,7 @@ def best_push(pair: Transition, *, seed: int) -> Found:
 
 
 def pushed(before_m: FloatArray, tries: FloatArray) -> FloatArray:
-    """Heights [K, H, W] after pushes [K, 6] as searched, by the base of the analytic model before any fit.
+    """Heights [K, H, W] after pushes [K, 6] of the search, by the base of the analytic model before any fit.
 
     The depth counts from the highest dough under the path, as a tool meets it, and ends at the table. Where there is
     none under the path, nothing changes.
@@ -286,7 +286,7 @@ explain. (The authors' repository has actions of other transitions: [recording p
 Heights on cells of 4 mm, the highest point of each, above the lowest point of the pair; errors are squared, mm², summed
 over the window, for each cell with dough before or after. *Mean of others*: the mean change of the other transitions.
 *Best push*: the analytic model with the parameters of its start (nothing is fitted to dough); place, direction, length,
-depth and width are searched afterwards. *Backwards*: what the same search explains of the transition from after to
+depth and width are found by a search afterwards. *Backwards*: what the same search explains of the transition from after to
 before, which no tool made: what six free numbers are worth. *Halves*: the difference between two halves of one cloud,
 a lower bound of the measurement's noise. Volume and rise (95th percentile of what rose): by the best push / measured.
 
@@ -310,7 +310,8 @@ What the model misses:
   footprint or two, and does not let a side slump.
 - **Whole-body deformation.** A press, a roller and a gripper move all of the dough at once; the model moves what its
   tool touches.
-- **Cutting and carrying.** Cutters separate, the pusher and the spatulas take dough away or elsewhere. No action of
+- **Rise.** Where dough rose, the best push raises it by less than half of what was measured, with every tool.
+- **Cutting and carrying.** Cutters separate, the pusher and the spatulas take dough away or carry it off. No action of
   this project does.
 
 What these transitions cannot tell:
