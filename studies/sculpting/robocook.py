@@ -286,9 +286,9 @@ explain. (The authors' repository has actions of other transitions: [recording p
 Heights on cells of 4 mm, the highest point of each, above the lowest point of the pair; errors are squared, mm², summed
 over the window, for each cell with dough before or after. *Mean of others*: the mean change of the other transitions.
 *Best push*: the analytic model with the parameters of its start (nothing is fitted to dough); place, direction, length,
-depth and width are found by a search afterwards. *Backwards*: what the same search explains of the transition from after to
-before, which no tool made: what six free numbers are worth. *Halves*: the difference between two halves of one cloud,
-a lower bound of the measurement's noise. Volume and rise (95th percentile of what rose): by the best push / measured.
+depth and width are found by a search afterwards. *Backwards*: what the same search explains of the transition from
+after to before, which no tool made: what six free numbers are worth. *Halves*: the difference between two halves of one
+cloud, a lower bound of the measurement's noise. Volume and rise (95th percentile of what rose): by the best push / measured.
 
 | tool | volume | dough on bare table | no change | mean of others | best push | backwards | halves | volume | rise |
 |---|---|---|---|---|---|---|---|---|---|
