@@ -288,7 +288,8 @@ over the window, for each cell with dough before or after. *Mean of others*: the
 *Best push*: the analytic model with the parameters of its start (nothing is fitted to dough); place, direction, length,
 depth and width are found by a search afterwards. *Backwards*: what the same search explains of the transition from
 after to before, which no tool made: what six free numbers are worth. *Halves*: the difference between two halves of one
-cloud, a lower bound of the measurement's noise. Volume and rise (95th percentile of what rose): by the best push / measured.
+cloud, a lower bound of the measurement's noise. Volume and rise (95th percentile of what rose): by the best push,
+and measured.
 
 | tool | volume | dough on bare table | no change | mean of others | best push | backwards | halves | volume | rise |
 |---|---|---|---|---|---|---|---|---|---|

@@ -96,10 +96,7 @@ class HardwareSculptor(TipCarrier):
     def change_tool(self, end_effector: EndEffector) -> None:
         if self._tool == end_effector:
             return
-        self._fit(
-            f"Fit the {end_effector.name} so that its tip is where the rig file says and its travel at yaw 0 is along "
-            "the slab's x, then confirm."
-        )
+        self._fit(f"Fit the {end_effector.name} so that its tip is where the rig file says, then confirm.")
         self._tool = end_effector
 
     def push(self, push: Push) -> FloatArray:
