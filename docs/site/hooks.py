@@ -28,7 +28,7 @@ _REFERENCE: Final = {
         "Diagnosis",
         ("pentimento.diagnosis.problem", "pentimento.diagnosis.simulator", "pentimento.diagnosis.diagnose"),
     ),
-    "robots": ("Robots", ("pentimento.robots.driver", "pentimento.robots.machine")),
+    "robots": ("Robots", ("pentimento.robots.driver", "pentimento.robots.machine", "pentimento.robots.scanner")),
     "contracts": ("Contracts", ("pentimento.contracts.strokes", "pentimento.contracts.pushes")),
 }
 """By page: its title and the modules whose docstrings it holds."""

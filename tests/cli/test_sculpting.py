@@ -25,7 +25,7 @@ from tests.control.sculpting_bundle import add_clay
         (["--material", "foam", "--goal-mesh", "a.stl", "--font", "a.ttf"], "--font is for --letter"),
         (
             ["--material", "foam", "--letter", "A", "--strokes", "3"],
-            "is sculpted in the studio, without --strokes",
+            "is sculpted without --strokes",
         ),
         (["--material", "foam", "--letter", "A", "--goal-mesh", "a.stl"], "not allowed with"),
         (["--material", "foam", "--goal-mesh", "a.stl", "--up", "w"], "invalid choice: 'w'"),

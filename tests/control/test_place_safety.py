@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
+from pentimento.control.guard import StoppedError
 from pentimento.control.place_safety import place_envelope_for
 from pentimento.control.push_safety import GuardedSculptingRobot
 from pentimento.robots.driver import Place
@@ -88,7 +89,7 @@ def test_robot_stays_stopped_after_a_pellet_failed() -> None:
     with pytest.raises(OSError, match="empty"):
         guarded.place(FINE)
     robot.broken = False
-    with pytest.raises(EnvelopeViolation, match="a pellet failed: the feeder is empty"):
+    with pytest.raises(StoppedError, match="a pellet failed: the feeder is empty"):
         guarded.place(FINE)
     guarded.release()
     guarded.place(FINE)

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.contracts.observations import Scan
+from pentimento.control.guard import LiftError, StoppedError
 from pentimento.control.push_safety import GuardedSculptingRobot, push_envelope_for
 from pentimento.control.sculptor import reach_for
 from pentimento.robots.driver import Push
@@ -30,7 +31,13 @@ class Recorder:
 
     def __init__(self) -> None:
         self.pushes: list[Push] = []
-        self.broken = False
+        self.broken = self.stuck = False
+        self.lifts = 0
+
+    def lift(self) -> None:
+        if self.stuck:
+            raise OSError("the axis jams")
+        self.lifts += 1
 
     def change_tool(self, end_effector: EndEffector) -> None: ...
 
@@ -157,12 +164,24 @@ def test_push_guard_refuses_pushes_after_a_fault_until_release() -> None:
         robot.push(FINE)
     recorder.broken = False
     assert robot.stopped == "a push failed: the drive tripped"
-    with pytest.raises(EnvelopeViolation, match="drive tripped"):
-        robot.push(FINE)
+    assert recorder.lifts >= 1
+    for command in (lambda: robot.push(FINE), robot.scan, robot.smooth):
+        with pytest.raises(StoppedError, match="drive tripped"):
+            command()
     assert recorder.pushes == []
     robot.release()
     robot.push(FINE)
     assert len(recorder.pushes) == 1
+
+
+def test_push_guard_says_when_the_tool_could_not_be_lifted() -> None:
+    recorder = Recorder()
+    robot = GuardedSculptingRobot(recorder, ENVELOPE)
+    robot.change_tool(BALL)
+    recorder.broken = recorder.stuck = True
+    with pytest.raises(LiftError, match=r"may still rest in the material.*axis jams"):
+        robot.push(FINE)
+    assert robot.stopped is not None
 
 
 def test_push_envelope_rejects_infinite_limits_and_excess_width() -> None:

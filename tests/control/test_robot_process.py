@@ -14,11 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pentimento.contracts.errors import PentimentoError
-from pentimento.control.robot_process import SILENT_S, RobotGone, RobotProcess
-from pentimento.robots.tools import load_tool
+from pentimento.contracts.errors import EnvelopeViolation, PentimentoError
+from pentimento.control.robot_process import SILENT_S, RobotGone, RobotProcess, SculptingRobotProcess
+from pentimento.robots.driver import MissingAbilityError, Place, Push
+from pentimento.robots.tools import load_end_effector, load_tool
 from pipelines._imports import ROOT
+from tests.control.clay_machine import make_sculptor
 from tests.control.slow_robot import STROKE, broken, make
+from tests.robots.machines import make_rig
 
 WITHIN_S = 1.0
 """Maximum time from the commander's end to the lift."""
@@ -117,3 +120,27 @@ def test_robot_process_unconfirmed_request_fails_the_command(tmp_path: Path) -> 
     with pytest.raises(PentimentoError, match="Fit the marker"):
         robot.change_tool(load_tool("marker"))
     robot.close()
+
+
+def test_sculpting_robot_process_passes_pushes_scans_requests_and_errors() -> None:
+    asked: list[str] = []
+    rig = make_rig(canvas_size_m=(0.2, 0.2), travel_height_m=0.06, palette=None)
+    robot = SculptingRobotProcess(make_sculptor, (rig,), asked.append)
+    try:
+        assert robot.area_m == (0.2, 0.2) and robot.clock_s > 0 and robot.ambient() == {}
+        robot.change_tool(load_end_effector("ball"))
+        push = Push("push", np.array([0.1, 0.1, 0.0, 0.03, 0.006]), 0.03, 0.02, 0.0, 0.05)
+        with pytest.raises(EnvelopeViolation, match="not scanned yet"):
+            robot.push(push)
+        before = robot.scan()
+        measured = robot.push(push)
+        assert measured[-1, 1:4] == pytest.approx([0.13, 0.1, 0.024], abs=1e-9)
+        assert (before.height_m - robot.scan().height_m).max() == pytest.approx(0.006, abs=5e-4)
+        with pytest.raises(MissingAbilityError, match="no feeder"):
+            robot.place(Place(0.1, 0.1, 1e-7, 0.03, 0.002))
+        robot.smooth()
+        robot.wait(0.0)
+        robot.lift()
+        assert [words.split()[0] for words in asked] == ["Fit", "Smooth"]
+    finally:
+        robot.close()

@@ -94,3 +94,29 @@ def test_without_its_package_it_says_what_to_install(
     monkeypatch.setitem(sys.modules, "doodle", None)
     with pytest.raises(ConfigError, match="pip install doodle"):
         driver[0].connect(RIG)
+
+
+def test_example_scanner_makes_heights_of_a_depth_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slab 40 mm high under a camera 600 mm above the table: millimetres, 0 = hole."""
+    depth_mm = np.full((300, 300), 560.0)
+    depth_mm[:20] = 0.0
+    opened: list[str] = []
+    device = types.SimpleNamespace(
+        depth_millimetres=depth_mm.copy, focal=lambda: (600.0, 600.0), centre=lambda: (149.5, 149.5),
+        close=lambda: opened.append("closed"),
+    )  # fmt: skip
+    package = types.ModuleType("peek")
+    package.open = lambda serial: opened.append(serial) or device  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "peek", package)
+    found = re.search(r'```python\n("""The Peek.*?)```', PAGE, re.DOTALL)
+    assert found
+    module = types.ModuleType("my_package.peek")
+    exec(compile(found[1], "docs/writing_a_driver.md", "exec"), module.__dict__)
+    rig = make_rig(canvas_size_m=(0.2, 0.2), scanner={"driver": "peek", "serial": "7"})
+    scanner = module.connect(rig, (50, 50))
+    scan = scanner.scan()
+    scanner.close()
+    assert opened == ["7", "closed"] and scan.height_m.shape == (50, 50)
+    assert np.nanmax(np.abs(scan.height_m - 0.04)) < 1e-12
+    with pytest.raises(ConfigError, match=r"\[scanner\] of rig bench: missing keys \['serial'\]"):
+        module.connect(make_rig(scanner={"driver": "peek"}), (50, 50))

@@ -30,6 +30,7 @@ class FakeXArmApi:
         self.pose = list(START_MM)
         self.mode, self.state, self.error, self.enabled = 0, 4, 0, False
         self.code_at: dict[str, int] = {}
+        self.reach_mm = 700.0
         self.on_pose = lambda number: None
         self.poses: list[list[float]] = []
 
@@ -73,6 +74,11 @@ class FakeXArmApi:
     def get_position(self, is_radian=None):
         assert is_radian is False
         return 0, list(self.pose)
+
+    def get_inverse_kinematics(self, pose, input_is_radian=None, return_is_radian=None, limited=True, ref_angles=None):
+        assert input_is_radian is False
+        within = np.linalg.norm(pose[:3]) < self.reach_mm
+        return (0, [0.0] * 6) if within else (10, [])
 
     def set_servo_cartesian(self, mvpose, speed=None, mvacc=None, mvtime=0, is_radian=None, is_tool_coord=False, **kw):
         assert is_radian is False and is_tool_coord is False

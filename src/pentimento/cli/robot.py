@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 _CLAY_GOALS = ("letter", "goal_mesh", "goal_heights")  # and goal_image, which painting has as well
 _OF_CLAY = ("material", *_CLAY_GOALS, "font", "up", "raised", "pushes", "scan_pixels")
 _OF_PAINT = (
-    "robot",
     "setting",
     "goal_image",
     "goal_svg",
@@ -33,14 +32,13 @@ _OF_PAINT = (
     "replan_every",
     "weights",
     "hand",
-    "execute",
     "page",
     "turns",
     "choices",
 )
 _OF_A_PLAN = ("strokes", "weights", "hand")
 _STUDIO_CHOICES = 3  # goals to choose from
-_NOT_OF_CLAY = "clay is sculpted in the studio, without {}; leave it out."
+_NOT_OF_CLAY = "clay is sculpted without {}; leave it out."
 _OF_A_NEW_RUN = (
     "robot",
     "setting",
@@ -199,7 +197,7 @@ def _sculpt(arguments: argparse.Namespace) -> None:
     from pentimento.control.checkpoint import has_sculpture
     from pentimento.control.commission import read_clay_commission
     from pentimento.control.person import Control, Progress, at_terminal, ended_by_signal
-    from pentimento.control.run_sculpture import PICTURE, clay_commission_of, run_sculpture
+    from pentimento.control.run_sculpture import PICTURE, Ended, clay_commission_of, run_sculpture
 
     folder: Path = arguments.out if arguments.resume is None else arguments.resume
     commission = read_clay_commission(folder) if arguments.resume is not None else None
@@ -207,16 +205,18 @@ def _sculpt(arguments: argparse.Namespace) -> None:
         commission = clay_commission_of(
             arguments.bundle, arguments.material, _clay_goal(arguments), actions=arguments.pushes, seed=arguments.seed,
             raised_m=0.0 if arguments.raised is None else arguments.raised, scan_pixels=arguments.scan_pixels,
+            robot=arguments.robot or "virtual", execute=arguments.execute,
         )  # fmt: skip
     control, progress = Control(), Progress()
-    at_terminal(control, progress)
+    keyboard = at_terminal(control, progress)
     try:
         with ended_by_signal():
             state = run_sculpture(
-                commission, folder, resume=arguments.resume is not None, control=control, progress=progress
-            )
-    except KeyboardInterrupt as error:
-        if has_sculpture(folder):
+                commission, folder, resume=arguments.resume is not None, control=control, progress=progress,
+                calibration=arguments.calibration, ask=keyboard.ask,
+            )  # fmt: skip
+    except (PentimentoError, OSError, KeyboardInterrupt) as error:
+        if has_sculpture(folder) and not isinstance(error, ContractError | Ended):
             error.add_note(f"Go on with: pentimento run --resume {folder}")
         raise
     progress.message("")
@@ -300,7 +300,7 @@ def _not_of_clay(arguments: argparse.Namespace) -> list[str]:
 
 def _calibrate(arguments: argparse.Namespace) -> None:
     from pentimento.cli.calibrate import calibrate_rig, residual_sentence, write_prints, yes_at_terminal
-    from pentimento.robots.hardware import ask_at_terminal
+    from pentimento.robots.carrier import ask_at_terminal
     from pentimento.robots.rig import load_rig
 
     if arguments.kind == "prints":
@@ -402,7 +402,10 @@ COMMANDS = (
                 metavar="NAME",
                 help="a hand of the bundle: draw in this handwriting; by default the robot draws its own strokes",
             ),
-            option("--material", help="sculpt this clay of the bundle, in the studio, instead of painting"),
+            option(
+                "--material",
+                help="sculpt this clay of the bundle instead of painting, in the studio or by a rig with a scanner",
+            ),
             option(
                 "--letter",
                 metavar="LETTERS",

@@ -103,6 +103,10 @@ class ClayCommission:
     raised_m: float = 0.0
     """Height of the goal's highest point above the clay's mean height. Above 0 the goal stands on the surface, and
     `depth_m` does not count."""
+    robot: str = "virtual"
+    """The studio's, or the name or path of a rig file."""
+    execute: bool = False
+    """Hardware moves; otherwise the studio rehearses."""
 
 
 def write_commission(folder: Path, commission: Commission | ClayCommission) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import EnvelopeViolation, PentimentoError
 from pentimento.contracts.observations import Photo
 from pentimento.control.safety import ROUNDING_M, SafetyEnvelope
-from pentimento.robots.driver import Robot
+from pentimento.robots.driver import Robot, SculptingRobot
 from pentimento.robots.tools import Tool
 
 FloatArray = NDArray[np.float64]
@@ -35,37 +35,16 @@ class LiftError(PentimentoError):
     """The tool could not be raised: it may rest on the canvas. Only the robot's emergency stop helps."""
 
 
-class GuardedRobot:
-    """A Robot whose every command is checked before it reaches the driver, and that can be stopped for good.
+class StopLatch:
+    """What guards of robots have in common: a stop lifts the tool and is latched until a person releases it."""
 
-    The driver gets the checked copy of a path. Any error of the driver during a command, KeyboardInterrupt included,
-    lifts the tool and leaves the robot stopped. A stop is latched: until `release` every command is refused, photos
-    included. A scan and the clock pass through.
-    """
-
-    def __init__(self, robot: Robot, envelope: SafetyEnvelope) -> None:
-        """Raises EnvelopeViolation if the envelope reaches beyond the robot's canvas."""
-        width_m, height_m = robot.canvas_size_m
-        low, high = (envelope.x_min_m, envelope.y_min_m), (envelope.x_max_m, envelope.y_max_m)
-        margins = (*low, width_m - high[0], height_m - high[1])
-        if not all(margin >= -ROUNDING_M for margin in margins):
-            raise EnvelopeViolation(
-                f"The safety envelope from {low} to {high} m reaches beyond the robot's canvas of "
-                f"{width_m:g} by {height_m:g} m; build it with envelope_for(tool, robot.canvas_size_m)."
-            )
-        self._robot = robot
-        self._envelope = envelope
-        self._tool_fits = False
-        self._paints = 0
+    def __init__(self, robot: Robot | SculptingRobot, work: str) -> None:
+        """`work` is where the tool may rest, for messages."""
+        self._lifted, self._work = robot, work
         self._stopped: str | None = None
         self._latch = threading.Lock()
         self._idle = threading.Event()  # no command is being executed
         self._idle.set()
-
-    @property
-    def envelope(self) -> SafetyEnvelope:
-        """The envelope that guards this robot."""
-        return self._envelope
 
     @property
     def stopped(self) -> str | None:
@@ -95,14 +74,69 @@ class GuardedRobot:
     def lift(self) -> None:
         """Stop where the tool is and raise it; allowed at any time. Raises LiftError if that fails."""
         try:
-            self._robot.lift()
+            self._lifted.lift()
         except Exception as error:
             with self._latch:
                 self._stopped = self._stopped or "the tool could not be lifted"
             raise LiftError(
-                f"The tool may still rest on the canvas, because lifting it failed: {error} "
+                f"The tool may still rest {self._work}, because lifting it failed: {error} "
                 "Use the robot's own emergency stop and lift the tool by hand."
             ) from error
+
+    @contextmanager
+    def _passing(self, command: str) -> Iterator[None]:
+        """Context of each driver call: refuses it while stopped; on any error it lifts the tool and latches."""
+        self._idle.clear()
+        try:
+            self._refuse_if_stopped(command)
+            yield
+        except StoppedError:
+            raise
+        except BaseException as error:
+            self._idle.set()
+            self.stop(f"a {command} failed: {error or type(error).__name__}")
+            raise
+        finally:
+            self._idle.set()
+        # Stopped from another thread meanwhile: how much of the command the driver has executed is unknown.
+        self._refuse_if_stopped(command)
+
+    def _refuse_if_stopped(self, command: str) -> None:
+        if self._stopped is not None:
+            raise StoppedError(
+                f"The robot is stopped ({self._stopped}) and the {command} is refused; look at the robot, then "
+                "release it by hand."
+            )
+
+
+class GuardedRobot(StopLatch):
+    """A Robot whose every command is checked before it reaches the driver, and that can be stopped for good.
+
+    The driver gets the checked copy of a path. Any error of the driver during a command, KeyboardInterrupt included,
+    lifts the tool and leaves the robot stopped. A stop is latched: until `release` every command is refused, photos
+    included. A scan and the clock pass through.
+    """
+
+    def __init__(self, robot: Robot, envelope: SafetyEnvelope) -> None:
+        """Raises EnvelopeViolation if the envelope reaches beyond the robot's canvas."""
+        width_m, height_m = robot.canvas_size_m
+        low, high = (envelope.x_min_m, envelope.y_min_m), (envelope.x_max_m, envelope.y_max_m)
+        margins = (*low, width_m - high[0], height_m - high[1])
+        if not all(margin >= -ROUNDING_M for margin in margins):
+            raise EnvelopeViolation(
+                f"The safety envelope from {low} to {high} m reaches beyond the robot's canvas of "
+                f"{width_m:g} by {height_m:g} m; build it with envelope_for(tool, robot.canvas_size_m)."
+            )
+        self._robot = robot
+        self._envelope = envelope
+        self._tool_fits = False
+        self._paints = 0
+        super().__init__(robot, "on the canvas")
+
+    @property
+    def envelope(self) -> SafetyEnvelope:
+        """The envelope that guards this robot."""
+        return self._envelope
 
     @property
     def canvas_size_m(self) -> tuple[float, float]:
@@ -193,31 +227,6 @@ class GuardedRobot:
             raise EnvelopeViolation(f"A wait of {seconds} s is refused; it must last from 0 to {MAX_WAIT_S:g} s.")
         with self._passing("wait"):
             self._robot.wait(seconds)
-
-    @contextmanager
-    def _passing(self, command: str) -> Iterator[None]:
-        """Context of each driver call: refuses it while stopped; on any error it lifts the tool and latches."""
-        self._idle.clear()
-        try:
-            self._refuse_if_stopped(command)
-            yield
-        except StoppedError:
-            raise
-        except BaseException as error:
-            self._idle.set()
-            self.stop(f"a {command} failed: {error or type(error).__name__}")
-            raise
-        finally:
-            self._idle.set()
-        # Stopped from another thread meanwhile: how much of the command the driver has executed is unknown.
-        self._refuse_if_stopped(command)
-
-    def _refuse_if_stopped(self, command: str) -> None:
-        if self._stopped is not None:
-            raise StoppedError(
-                f"The robot is stopped ({self._stopped}) and the {command} is refused; look at the robot, then "
-                "release it by hand."
-            )
 
 
 class Watchdog:

@@ -181,6 +181,9 @@ class JournaledClay:
         numbers = (place.x_m, place.y_m, place.volume_m3, place.surface_m, place.press_m)
         self._journal.do("place", *map(float, numbers))
 
+    def lift(self) -> None:
+        self._robot.lift()
+
     def scan(self) -> Scan:
         scan: Scan = self._journal.do("scan")
         return scan

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, EnvelopeViolation
 from pentimento.contracts.observations import Scan
-from pentimento.control.guard import MAX_WAIT_S
+from pentimento.control.guard import MAX_WAIT_S, StopLatch
 from pentimento.control.place_safety import PlaceEnvelope
 from pentimento.control.safety import ROUNDING_M
 from pentimento.robots.driver import Place, Push, SculptingRobot, span_m
@@ -183,12 +183,12 @@ def _refuse(what: str, value: float, limit: str, unit: str, hint: str) -> None:
     )
 
 
-class GuardedSculptingRobot:
-    """A SculptingRobot whose every push is checked before it reaches the driver.
+class GuardedSculptingRobot(StopLatch):
+    """A SculptingRobot whose every push is checked before it reaches the driver, and that can be stopped for good.
 
-    The driver gets the checked copy. Any error of the driver during a push leaves the robot stopped: every later push
-    is refused until a person has inspected the robot and calls `release`. Pellets are guarded alike, by an envelope of
-    their own; without one, none may be set.
+    The driver gets the checked copy. Any error of the driver during a command lifts the tool and leaves the robot
+    stopped: every later command is refused until a person has inspected the robot and calls `release`. Pellets are
+    guarded alike, by an envelope of their own; without one, none may be set.
     """
 
     def __init__(self, robot: SculptingRobot, envelope: PushEnvelope, places: PlaceEnvelope | None = None) -> None:
@@ -206,21 +206,12 @@ class GuardedSculptingRobot:
                 )
         self._robot, self._envelope, self._places = robot, envelope, places
         self._tool_fits = False
-        self._stopped: str | None = None
+        super().__init__(robot, "in the material")
 
     @property
     def envelope(self) -> PushEnvelope:
         """The envelope that guards this robot."""
         return self._envelope
-
-    @property
-    def stopped(self) -> str | None:
-        """Why the robot is stopped; None while it may push."""
-        return self._stopped
-
-    def release(self) -> None:
-        """Allow pushes again. For a person who has inspected the robot, never for a program that retries."""
-        self._stopped = None
 
     @property
     def area_m(self) -> tuple[float, float]:
@@ -244,23 +235,17 @@ class GuardedSculptingRobot:
                 f"The push envelope is for a {self._envelope.kind} and the {end_effector.name} makes a "
                 f"{end_effector.kind}; build the envelope for this end-effector."
             )
-        self._robot.change_tool(end_effector)
+        with self._passing("change of tool"):
+            self._robot.change_tool(end_effector)
         self._tool_fits = True
 
     def push(self, push: Push) -> FloatArray:
         """Refuses a push outside the envelope, and any push before `change_tool` has seen the end-effector."""
         if not self._tool_fits:
             raise EnvelopeViolation("The guard does not know the end-effector; call change_tool before the first push.")
-        if self._stopped is not None:
-            raise EnvelopeViolation(
-                f"The robot is stopped ({self._stopped}) and the push is refused; look at the robot, then release it."
-            )
         checked = self._envelope.checked_copy(push)
-        try:
+        with self._passing("push"):
             return self._robot.push(checked)
-        except BaseException as error:
-            self._stopped = f"a push failed: {error or type(error).__name__}"
-            raise
 
     def place(self, place: Place) -> None:
         """Refuses a pellet outside the envelope, and any pellet where there is no envelope of pellets."""
@@ -269,22 +254,18 @@ class GuardedSculptingRobot:
                 "A pellet is commanded and the robot has no place envelope; build one with place_envelope_for(feeder, "
                 "robot.area_m) and give it to the guard."
             )
-        if self._stopped is not None:
-            raise EnvelopeViolation(
-                f"The robot is stopped ({self._stopped}) and the pellet is refused; look at the robot, then release it."
-            )
         self._places.check(place)
-        try:
+        with self._passing("pellet"):
             self._robot.place(place)
-        except BaseException as error:
-            self._stopped = f"a pellet failed: {error or type(error).__name__}"
-            raise
 
     def scan(self) -> Scan:
-        return self._robot.scan()
+        """Refused while stopped: a robot may have to move out of the view."""
+        with self._passing("scan"):
+            return self._robot.scan()
 
     def smooth(self) -> None:
-        self._robot.smooth()
+        with self._passing("smoothing"):
+            self._robot.smooth()
 
     def ambient(self) -> dict[str, float]:
         return self._robot.ambient()
@@ -292,4 +273,5 @@ class GuardedSculptingRobot:
     def wait(self, seconds: float) -> None:
         if not 0 <= seconds <= MAX_WAIT_S:
             raise EnvelopeViolation(f"A wait of {seconds} s is refused; it must last from 0 to {MAX_WAIT_S:g} s.")
-        self._robot.wait(seconds)
+        with self._passing("wait"):
+            self._robot.wait(seconds)

@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import PentimentoError
-from pentimento.contracts.observations import Photo
-from pentimento.robots.driver import Robot
-from pentimento.robots.tools import Tool
+from pentimento.contracts.observations import Photo, Scan
+from pentimento.robots.driver import Place, Push, Robot, SculptingRobot
+from pentimento.robots.tools import EndEffector, Tool
 
 FloatArray = NDArray[np.float64]
 Ask = Callable[[str], None]
-OpenRobot = Callable[..., Robot]
+OpenRobot = Callable[..., Robot | SculptingRobot]
 """A function of a module, so that another process can import it: from arguments and an ``Ask`` to a robot."""
 
 SILENT_S = 3.0
@@ -44,8 +44,8 @@ class RobotGone(PentimentoError):
     """The process that holds the robot has ended; it lifts the tool before it ends."""
 
 
-class RobotProcess:
-    """A Robot whose driver runs in another process. Any thread may ``lift``."""
+class _DriverProcess:
+    """The link to a driver in another process. Any thread may ``lift``."""
 
     def __init__(self, open_robot: OpenRobot, arguments: tuple[Any, ...], ask: Ask) -> None:
         """Start the process and open the robot there, by ``open_robot(*arguments, ask)``.
@@ -67,47 +67,14 @@ class RobotProcess:
         self._gone = threading.Event()
         threading.Thread(target=self._receive, name="robot's replies", daemon=True).start()
         threading.Thread(target=self._beat, name="robot's heartbeat", daemon=True).start()
-        self._call("canvas_size_m")  # raises why the robot could not be opened
-
-    @property
-    def canvas_size_m(self) -> tuple[float, float]:
-        width, height = self._call("canvas_size_m")
-        return width, height
+        self._call("clock_s")  # raises why the robot could not be opened
 
     @property
     def clock_s(self) -> float:
         return float(self._call("clock_s"))
 
-    def change_tool(self, tool: Tool) -> None:
-        self._call("change_tool", tool)
-
-    def load_palette(self, colors_srgb: FloatArray) -> None:
-        self._call("load_palette", colors_srgb)
-
-    def dip(self, paint: int) -> None:
-        self._call("dip", paint)
-
-    def wipe(self) -> None:
-        self._call("wipe")
-
-    def move(self, path: FloatArray) -> FloatArray:
-        return np.asarray(self._call("move", path), dtype=np.float64)
-
-    def force_n(self) -> FloatArray:
-        return np.asarray(self._call("force_n"), dtype=np.float64)
-
     def lift(self) -> None:
         self._call("lift")
-
-    def photo(self) -> Photo:
-        photo: Photo = self._call("photo")
-        return photo
-
-    def scan(self) -> FloatArray:
-        return np.asarray(self._call("scan"), dtype=np.float64)
-
-    def new_sheet(self) -> None:
-        self._call("new_sheet")
 
     def wait(self, seconds: float) -> None:
         self._call("wait", seconds)
@@ -168,6 +135,72 @@ class RobotProcess:
                 self._send((None, "beat", ()))
             except RobotGone:
                 return
+
+
+class RobotProcess(_DriverProcess):
+    """A Robot whose driver runs in another process."""
+
+    @property
+    def canvas_size_m(self) -> tuple[float, float]:
+        width, height = self._call("canvas_size_m")
+        return width, height
+
+    def change_tool(self, tool: Tool) -> None:
+        self._call("change_tool", tool)
+
+    def load_palette(self, colors_srgb: FloatArray) -> None:
+        self._call("load_palette", colors_srgb)
+
+    def dip(self, paint: int) -> None:
+        self._call("dip", paint)
+
+    def wipe(self) -> None:
+        self._call("wipe")
+
+    def move(self, path: FloatArray) -> FloatArray:
+        return np.asarray(self._call("move", path), dtype=np.float64)
+
+    def force_n(self) -> FloatArray:
+        return np.asarray(self._call("force_n"), dtype=np.float64)
+
+    def photo(self) -> Photo:
+        photo: Photo = self._call("photo")
+        return photo
+
+    def scan(self) -> FloatArray:
+        return np.asarray(self._call("scan"), dtype=np.float64)
+
+    def new_sheet(self) -> None:
+        self._call("new_sheet")
+
+
+class SculptingRobotProcess(_DriverProcess):
+    """A SculptingRobot whose driver runs in another process."""
+
+    @property
+    def area_m(self) -> tuple[float, float]:
+        width, height = self._call("area_m")
+        return width, height
+
+    def change_tool(self, end_effector: EndEffector) -> None:
+        self._call("change_tool", end_effector)
+
+    def push(self, push: Push) -> FloatArray:
+        return np.asarray(self._call("push", push), dtype=np.float64)
+
+    def place(self, place: Place) -> None:
+        self._call("place", place)
+
+    def scan(self) -> Scan:
+        scan: Scan = self._call("scan")
+        return scan
+
+    def smooth(self) -> None:
+        self._call("smooth")
+
+    def ambient(self) -> dict[str, float]:
+        readings: dict[str, float] = self._call("ambient")
+        return readings
 
 
 def _serve(connection: Connection, open_robot: OpenRobot, arguments: tuple[Any, ...]) -> None:

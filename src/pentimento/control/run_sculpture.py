@@ -1,4 +1,4 @@
-"""From a bundle and a goal to a sculpture: ``pentimento run --material``, in the virtual studio."""
+"""From a bundle and a goal to a sculpture: ``pentimento run --material``, in the virtual studio or by a rig."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from pentimento.bundle.clays import clay_members
 from pentimento.bundle.graphs import Graphs
+from pentimento.bundle.manifest import ClayFacts
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError, PentimentoError
@@ -22,12 +23,11 @@ from pentimento.control.checkpoint import SculptureState, has_sculpture, load_sc
 from pentimento.control.commission import ClayCommission, ClayGoal, exclusive, write_commission
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
-from pentimento.control.journal import JournaledClay
 from pentimento.control.loop import Hooks, Interrupt
+from pentimento.control.open_clay import IN_STUDIO, clay_rig, open_clay
 from pentimento.control.person import Control, Progress
-from pentimento.control.place_safety import place_envelope_for
 from pentimento.control.placing import Placer
-from pentimento.control.push_safety import MIN_CLEARANCE_M, GuardedSculptingRobot, push_envelope_for
+from pentimento.control.push_safety import MIN_CLEARANCE_M
 from pentimento.control.recording import remove_shards, write_push
 from pentimento.control.sculpting_settings import SculptingSettings
 from pentimento.control.sculptor import Array, Outcome, Sculptor, SculptureProgress, seen_m
@@ -35,8 +35,8 @@ from pentimento.goals3d.mesh_files import MESHES
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import FloatArray, height_source, relief_of
 from pentimento.planning.pushes.goal import GoalError, fit_goal, raised_goal, sunken_letters
+from pentimento.robots.carrier import ask_at_terminal
 from pentimento.robots.tools import load_end_effector, load_feeder
-from pentimento.robots.virtual import virtual_sculpting_robot
 
 SUMMARY: Final = "sculpture.json"
 """In a finished sculpture's folder: number of actions, and errors of height (mm²) and slope before and after."""
@@ -69,6 +69,8 @@ def clay_commission_of(
     actions: int | None = None,
     seed: int | None = None,
     scan_pixels: int | None = None,
+    robot: str = IN_STUDIO,
+    execute: bool = False,
 ) -> ClayCommission:
     """The commission of a command.
 
@@ -79,13 +81,15 @@ def clay_commission_of(
         actions: maximum number of pushes.
         seed: of plan and studio.
         scan_pixels: of a scan, along the slab's longer side; by default as many as the push model's maps have.
+        robot: the studio's, or the name or path of a rig file.
+        execute: hardware moves; otherwise the studio rehearses.
 
     The bundle's settings of the material give the depth, the number and the seed that are None.
 
     Raises:
         BundleError: the bundle is refused.
-        ConfigError: the bundle has no push model of that material, or no feeder for a goal above the surface; or a scan
-            would have too few or too many pixels.
+        ConfigError: the bundle has no push model of that material, or no feeder for a goal above the surface; a scan
+            would have too few or too many pixels; or the rig is none to sculpt this with.
         GoalError, ImageError: the goal cannot be read or drawn.
     """
     opened = open_bundle(bundle)
@@ -101,21 +105,32 @@ def clay_commission_of(
             f"Pushes only lower the {material}, and the bundle has no feeder for it that could place material: leave "
             "out --raised, or deploy with a feeder (params.yaml: sculpting)."
         )
+    clay_rig(robot, _area_m(opened.manifest.clays[name]), has_feeder=raised_m > 0, execute=execute)
     _relief(goal, (32, 32), settings.side_share, 0.0, tell=lambda _: None)  # so that an error leaves no folder behind
     return ClayCommission(
         str(bundle.resolve()), opened.digest, material, world or material, goal,
         settings.fit.depth_m if depth_m is None else depth_m,
         settings.actions if actions is None else actions,
         settings.planner.seed if seed is None else seed,
-        pixels,
-        raised_m,
+        pixels, raised_m, robot, execute,
     )  # fmt: skip
 
 
 def run_sculpture(
-    commission: ClayCommission, folder: Path, *, resume: bool, control: Control, progress: Progress
+    commission: ClayCommission,
+    folder: Path,
+    *,
+    resume: bool,
+    control: Control,
+    progress: Progress,
+    calibration: Path = Path("calibration"),
+    ask: Callable[[str], None] = ask_at_terminal,
 ) -> SculptureState:
     """Begin or resume a sculpture in a folder; its final state.
+
+    Args:
+        calibration: folder of the rig's calibrations, with which hardware moves.
+        ask: shows a request of hardware to the person and returns when it is done.
 
     The state is on disk before and after every push. A sculpture that was killed between two pushes continues
     unchanged. A push whose result is unknown is not recorded: the clay is scanned, and the rest is planned again.
@@ -133,34 +148,41 @@ def run_sculpture(
         write_commission(folder, commission)
     with exclusive(folder):
         end_effector = load_end_effector(bundle.folder / "end_effectors" / f"{facts.end_effector}.toml")
-        studio = virtual_sculpting_robot(commission.world, commission.scan_pixels, commission.seed)
-        journaled = JournaledClay(studio, folder / JOURNAL, lambda _: end_effector)
+        placer = _placer(bundle, name) if commission.robot == IN_STUDIO else None
+        opened = open_clay(
+            clay_rig(commission.robot, _area_m(facts), has_feeder=commission.raised_m > 0, execute=commission.execute),
+            end_effector, world=commission.world, scan_pixels=commission.scan_pixels, seed=commission.seed,
+            journal=folder / JOURNAL, execute=commission.execute, calibration=calibration, ask=ask,
+            feeder=None if placer is None else placer.feeder,
+        )  # fmt: skip
         try:
-            placer = _placer(bundle, name)
-            places = None if placer is None else place_envelope_for(placer.feeder, journaled.area_m)
-            robot = GuardedSculptingRobot(journaled, push_envelope_for(end_effector, journaled.area_m), places)
+            robot = opened.robot
             saved = load_sculpture(folder) if has_sculpture(folder) else None
             sessions = saved.sessions + 1 if saved else 1
+            # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
+            session = Session(f"sculpture-{commission.material}-{commission.seed}", 0.0)
+            if not opened.in_studio:
+                session = Session(f"{session.name}-{sessions}", robot.clock_s)
             if saved is not None:
                 goal = saved.goal_m
+                if not opened.in_studio:  # nobody knows what happened to the clay meanwhile
+                    saved = replace(saved, progress=replace(saved.progress, pending=True))
             else:
                 robot.change_tool(end_effector)
                 seen = seen_m(robot.scan())[0]
                 goal = _goal(commission, settings, seen, robot.area_m, tell=progress.message)
                 _write_lit(folder / PREVIEW, (seen, goal), facts.window_m)
-                progress.message(f"Nothing has moved yet; {folder / PREVIEW} shows the clay and the goal.")
+                progress.message(f"The clay is untouched yet; {folder / PREVIEW} shows it and the goal.")
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
                 members=clay_members(Graphs(bundle), name), grid=facts.shape,
                 config=replace(settings.planner, seed=commission.seed), execution=settings.execution,
-                count=commission.actions,
-                # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
-                session=Session(f"sculpture-{commission.material}-{commission.seed}", 0.0), item=0,
+                count=commission.actions, session=session, item=0,
                 record=lambda row: write_push(folder / RECORD, row), placer=placer,
             )  # fmt: skip
             return _sculpt(sculptor, folder, saved, sessions, control=control, progress=progress)
         finally:
-            journaled.close()
+            opened.close()
 
 
 def _sculpt(
@@ -207,6 +229,12 @@ def _placer(bundle: Bundle, name: str) -> Placer | None:
     if feeder is None:
         return None
     return Placer(load_feeder(bundle.folder / "feeders" / f"{feeder}.toml"), bundle.places[name])
+
+
+def _area_m(facts: ClayFacts) -> tuple[float, float]:
+    """Width and height of the slab of a push model."""
+    x_min, y_min, x_max, y_max = facts.window_m
+    return x_max - x_min, y_max - y_min
 
 
 def _clay_of(bundle: Bundle, material: str) -> str:

@@ -160,6 +160,10 @@ class SculptingRobot(Protocol):
         """Set a pellet of the material and press it. MissingAbilityError without a feeder."""
         ...
 
+    def lift(self) -> None:
+        """Stop where the tool is and raise it off the material; as ``Robot.lift``."""
+        ...
+
     def scan(self) -> Scan:
         """The raw scan, with the tool outside the field of view."""
         ...

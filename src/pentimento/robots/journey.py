@@ -34,13 +34,16 @@ def ways_to(here: FloatArray, start: FloatArray, rig: Rig) -> list[FloatArray]:
     return [way for begin, end, speed in legs if (way := straight(begin, end, speed)) is not None]
 
 
-def way_up(here: FloatArray, rig: Rig) -> FloatArray | None:
-    """From `here` [4] straight up to travel height; None where the tip is there already."""
+def way_up(here: FloatArray, rig: Rig, speed_m_s: float | None = None) -> FloatArray | None:
+    """From `here` [4] straight up to travel height; None where the tip is there already.
+
+    speed_m_s: if not RISING_M_S.
+    """
     if here[2] >= rig.travel_height_m - _SAME_M:
         return None
     up = here.copy()
     up[2] = rig.travel_height_m
-    return straight(here, up, RISING_M_S)
+    return straight(here, up, RISING_M_S if speed_m_s is None else speed_m_s)
 
 
 def straight(begin: FloatArray, end: FloatArray, speed_m_s: float) -> FloatArray | None:

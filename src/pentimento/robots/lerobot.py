@@ -12,7 +12,7 @@ import importlib
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
@@ -39,6 +39,7 @@ REACHED_RAD: Final = 0.02
 LEAP_RAD: Final = np.radians(10.0)
 """Max turn of a joint at once: from where it stands to a motion's first pose, and from one action to the next. Between
 actions it is 500 degrees a second, more than a servo turns."""
+_CHECKED: Final = 5  # poses of a motion that are solved before a journey
 _ARRIVED_M: Final = 5e-3  # 0.5 degrees of backlash at 0.4 m of reach are 3.5 mm
 _SAME_DEG: Final = 0.1  # a servo's step is 0.09 degrees; an action that comes back otherwise was changed
 _ARRIVE_S: Final = 1.0  # max time to come to the last pose
@@ -48,7 +49,7 @@ _CLASS: Final = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 
 class LeRobotArm:
-    """A Machine (see machine.py). The robot's frame is the arm's base frame."""
+    """A Machine and PlanningMachine (see machine.py). The robot's frame is the arm's base frame."""
 
     def __init__(self, robot: Any, arm: Arm, rig: Rig, sleep: Callable[[float], None] = time.sleep) -> None:
         """`robot` is connected and has LeRobot's `Robot` interface.
@@ -92,6 +93,13 @@ class LeRobotArm:
             self._await_arrival(poses[-1])
         return measured_at(times_s, seen_s, seen)
 
+    def check_reach(self, motions: Sequence[FloatArray]) -> None:
+        """Solves some poses of each motion, each from the one before it; `follow` solves all."""
+        angles = self._angles()
+        for motion in motions:
+            for step in np.linspace(0, len(motion) - 1, _CHECKED).round().astype(int):
+                angles = self._reached(motion[step], angles)
+
     def halt(self) -> None:
         self._halted.set()
         if not self._streaming.acquire(timeout=_HALT_S):
@@ -134,16 +142,7 @@ class LeRobotArm:
         """
         found = [here]
         for pose in poses:
-            angles = solve(self._arm, pose, self._hand_to_tip, found[-1])
-            away_m, turned_rad = miss(self._arm, angles, pose, self._hand_to_tip)
-            if away_m > REACHED_M or turned_rad > REACHED_RAD:
-                place = np.round(pose[:3, 3], 3).tolist()
-                raise MachineError(
-                    f"The {self._arm.name} cannot bring its tip to {place} m in this direction: it misses by "
-                    f"{1000 * away_m:.1f} mm and {np.degrees(turned_rad):.1f} degrees. Put the canvas nearer, "
-                    "level, or turned so that the yaw is in the wrist's range. The motion was not begun."
-                )
-            found.append(angles)
+            found.append(self._reached(pose, found[-1]))
         for before, after in pairwise(found):
             joint = int(np.abs(after - before).argmax())
             if abs(after[joint] - before[joint]) > LEAP_RAD:
@@ -153,6 +152,19 @@ class LeRobotArm:
                     "that its tool points into the canvas. The motion was not begun."
                 )
         return np.array(found[1:])
+
+    def _reached(self, pose: FloatArray, before: FloatArray) -> FloatArray:
+        """[J]: the joint angles of a pose [4, 4], from those of the pose before it. MachineError if out of reach."""
+        angles = solve(self._arm, pose, self._hand_to_tip, before)
+        away_m, turned_rad = miss(self._arm, angles, pose, self._hand_to_tip)
+        if away_m > REACHED_M or turned_rad > REACHED_RAD:
+            place = np.round(pose[:3, 3], 3).tolist()
+            raise MachineError(
+                f"The {self._arm.name} cannot bring its tip to {place} m in this direction: it misses by "
+                f"{1000 * away_m:.1f} mm and {np.degrees(turned_rad):.1f} degrees. Put the canvas nearer, "
+                "level, or turned so that the yaw is in the wrist's range. The motion was not begun."
+            )
+        return angles
 
     def _send(self, angles: FloatArray) -> None:
         """Raises MachineError where the robot changes the action."""

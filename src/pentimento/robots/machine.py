@@ -6,6 +6,7 @@ hardware.py. See docs/writing_a_driver.md.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -66,6 +67,18 @@ class UnsureMachine(Protocol):
 
     def settle(self) -> None:
         """The person has seen to it."""
+        ...
+
+
+@runtime_checkable
+class PlanningMachine(Protocol):
+    """A machine that can tell whether its joints reach a motion, before it moves."""
+
+    def check_reach(self, motions: Sequence[FloatArray]) -> None:
+        """Return if it can make these motions, poses [N, 4, 4] each, in order from where its tip stands.
+
+        Raises MachineError otherwise. Nothing moves.
+        """
         ...
 
 

@@ -69,7 +69,10 @@ class Rig:
     camera: int | None = None
     """Number of the camera that looks at the canvas, as OpenCV counts them."""
     park_m: tuple[float, float] | None = None
-    """Where the tip goes for a photograph, at travel height, in the canvas frame; needed with a camera."""
+    """Where the tip goes for a photograph or a scan, at travel height, in the canvas frame; needed for them."""
+    scanner: Mapping[str, Any] = field(default_factory=dict)
+    """Settings of the scanner that looks at a slab in the canvas's place, with the name of its ``driver``, an entry
+    point in the group `pentimento.scanners`, which reads and checks the rest; {} without one."""
     machine: Mapping[str, Any] = field(default_factory=dict)
     """The driver's own settings, as they stand in the file; the driver reads and checks them."""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -139,6 +142,7 @@ class _RigFile:
     travel: _Travel
     palette: Palette | None = None
     camera: int | None = None
+    scanner: dict[str, Any] = field(default_factory=dict)
     machine: dict[str, Any] = field(default_factory=dict)
     limits: dict[str, Any] = field(default_factory=dict)
 
@@ -164,6 +168,7 @@ def load_rig(name_or_path: str | Path) -> Rig:
         palette=stored.palette,
         camera=stored.camera,
         park_m=stored.travel.park_m,
+        scanner=stored.scanner,
         machine=stored.machine,
         limits={
             f"{key}_{_SUFFIX[_LIMITS[key]]}": quantities(value, _LIMITS[key], f"{key} in [limits] of {where}")
@@ -196,11 +201,13 @@ def _check(rig: Rig, where: str) -> None:
     for key, value in positive.items():
         if not value > 0:
             raise ConfigError(f"The {where}: {key} must be above zero.")
-    if rig.camera is not None and rig.park_m is None:
+    if (rig.camera is not None or rig.scanner) and rig.park_m is None:
         raise ConfigError(
-            f"The {where}: with a camera, [travel] needs park, a place outside the canvas from where the arm does not "
-            "cover it."
+            f"The {where}: with a camera or a scanner, [travel] needs park, a place outside the canvas from where the "
+            "arm does not cover it."
         )
+    if rig.scanner and not isinstance(rig.scanner.get("driver"), str):
+        raise ConfigError(f'[scanner] of {where} needs driver = "NAME", such as "folder".')
     _check_reach(rig, where)
     if rig.palette is not None:
         _check_palette(rig.palette, rig.canvas_size_m, where)

@@ -102,7 +102,7 @@ def virtual_sculpting_robot(world: str, scan_pixels: int, seed: int) -> VirtualS
 
 
 class VirtualSculptingRobot:
-    """A SculptingRobot (see robots/sculpting.py) whose arm, clay and scanner are a ClayStudio."""
+    """A SculptingRobot (see robots/driver.py) whose arm, clay and scanner are a ClayStudio."""
 
     def __init__(self, studio: ClayStudio) -> None:
         self._studio = studio
@@ -129,6 +129,9 @@ class VirtualSculptingRobot:
 
     def place(self, place: Place) -> None:
         self._studio.place(place.x_m, place.y_m, place.volume_m3, surface_m=place.surface_m, press_m=place.press_m)
+
+    def lift(self) -> None:
+        """Nothing to do: a push of the studio ends with the tool above the slab."""
 
     def scan(self) -> Scan:
         return self._studio.scan()

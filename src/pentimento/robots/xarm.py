@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ _KEYS = frozenset({"address", "tool_centre", "tool_turn", "load_kg", "load_centr
 
 
 class XArm:
-    """A Machine (see machine.py). The robot's frame is the arm's base frame."""
+    """A Machine and PlanningMachine (see machine.py). The robot's frame is the arm's base frame."""
 
     def __init__(self, api: Any, rig: Rig, sleep: Callable[[float], None] = time.sleep) -> None:
         """`api` is an open `xarm.wrapper.XArmAPI`. Sets tool, load, fence and servo mode; MachineError if refused."""
@@ -82,15 +82,24 @@ class XArm:
                 if late_s > LATE_S:
                     raise MachineError(f"The motion was {late_s:.1f} s late: the computer is too busy.")
                 self._sleep(max(due_s - now_s, PERIOD_S / 2))
-                degrees = np.degrees(roll_pitch_yaw(pose[:3, :3])).tolist()
-                target = [*(1000 * pose[:3, 3]).tolist(), *degrees]
-                self._done("set_servo_cartesian", self._api.set_servo_cartesian(target, is_radian=False))
+                self._done("set_servo_cartesian", self._api.set_servo_cartesian(_target(pose), is_radian=False))
                 seen_s.append(float(at_s))
                 seen.append(self.where())
             self._await_arrival(poses[-1])
             seen_s.append(float(times_s[-1]) + PERIOD_S)
             seen.append(self.where())
         return measured_at(times_s, seen_s, seen)
+
+    def check_reach(self, motions: Sequence[FloatArray]) -> None:
+        """Asks the controller for the joint angles at the end of each motion; the way between is straight."""
+        for motion in motions:
+            code, _ = self._api.get_inverse_kinematics(_target(motion[-1]), input_is_radian=False)
+            if code != 0:
+                place = np.round(motion[-1, :3, 3], 3).tolist()
+                raise MachineError(
+                    f"The xArm cannot bring its tip to {place} m in this direction (code {code}); put the canvas "
+                    "nearer, or correct the rig's reach. The motion was not begun."
+                )
 
     def halt(self) -> None:
         self._halted.set()
@@ -141,6 +150,11 @@ class XArm:
             raise MachineError(
                 f"The xArm answered {call} with code {code} (see its maker's list); the motion was broken off."
             )
+
+
+def _target(pose: FloatArray) -> list[float]:
+    """A pose [4, 4] as the controller takes it: x, y, z in mm, roll, pitch, yaw in degrees."""
+    return [*(1000 * pose[:3, 3]).tolist(), *np.degrees(roll_pitch_yaw(pose[:3, :3])).tolist()]
 
 
 def connect(rig: Rig) -> XArm:
