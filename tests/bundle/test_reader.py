@@ -167,7 +167,7 @@ def _no_manifest(folder: Path) -> None:
         (_hard_link, "known by 2 names"),
         (_pipe, "neither a file nor a folder"),
         (_pipe_in_place, "neither a file nor a folder"),
-        (_no_manifest, "'manifest.json' cannot be opened"),
+        (_no_manifest, "is no bundle"),
     ],
 )
 def test_open_bundle_rejects_unlisted_missing_and_special_files(
@@ -458,7 +458,7 @@ def test_open_bundle_rejects_parity_above_tolerance(bundle: Path) -> None:
 
 
 def test_open_bundle_rejects_a_missing_folder(tmp_path: Path) -> None:
-    with pytest.raises(BundleError, match="cannot be opened"):
+    with pytest.raises(BundleError, match="is no bundle"):
         open_bundle(tmp_path / "nothing")
 
 

@@ -123,6 +123,8 @@ def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, Saf
         BundleError: something differs from the manifest, or is not supported. No graph was opened.
     """
     folder = Path(folder)
+    if not (folder / MANIFEST).exists():
+        raise BundleError(f"{folder} is no bundle; `make repro` writes one into models/bundle (profile quick: none).")
     text = _read(folder, MANIFEST, MAX_MANIFEST_BYTES)
     found = hashlib.sha256(text).hexdigest()
     if digest is not None and digest != found:
