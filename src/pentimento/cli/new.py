@@ -254,8 +254,10 @@ def _print_created(name: str, like: str, created: Created) -> None:
         print(f"  {path.relative_to(Path.cwd())}")
     for note in created.notes:
         print(note)
+    paints = any(stage.startswith("paint@") for stage in created.stages)
+    needs = ", with the models of the other tools there, which `paint` needs (`make repro` once)" if paints else ""
     print(
-        f"""Read the first ones, and correct what differs. Then, with the others' models there (`make repro` once):
+        f"""Read the first ones, and correct what differs. Then{needs}:
   dvc repro -s {" ".join(created.stages)}
 and `make repro` for bundle and report; the others' stages run again once, because they depend on the same folders."""
     )
