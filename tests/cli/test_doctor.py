@@ -15,7 +15,7 @@ import pytest
 
 from pentimento.cli import doctor_computer, doctor_pipeline
 from pentimento.cli.doctor_computer import GIB, disk, ports
-from pentimento.cli.doctor_pipeline import dvc_cache, dvc_lock, store
+from pentimento.cli.doctor_pipeline import dvc_cache, dvc_lock, package, store
 from pentimento.cli.main import main
 from pipelines._tracking.store import open_store, store_errors
 
@@ -175,3 +175,10 @@ def test_ports_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert "pentimento[grbl]" in (ports(tmp_path).mend or "")
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert "usermod" in (ports(tmp_path).mend or "")
+
+
+def test_a_package_of_another_checkout_is_noted(tmp_path: Path) -> None:
+    here, other = (tmp_path / name / "src/pentimento/__init__.py" for name in ("here", "other"))
+    assert package(tmp_path / "here", here).state == "ok"
+    found = package(tmp_path / "here", other)
+    assert found.state == "note" and str(other.parent) in found.text and found.mend

@@ -74,3 +74,9 @@ def test_pictures_of_another_shape_are_reported(folders: Path, capsys: pytest.Ca
     assert pages(folders, study="panel") == 0
     assert "The pictures of item0 differ in shape" in capsys.readouterr().err
     assert len(json.loads((folders / "study/key.json").read_text())["pages"]) == 8
+
+
+def test_two_folders_are_compared_without_references(folders: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert pages(folders, study="better") == 0
+    assert pages(folders, "--references", str(folders / "captions"), study="better", out="more") == 1
+    assert "shows no reference" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pentimento.contracts.atomic import RECORD, atomic_folder, atomic_write, command_folder, command_page
+from pentimento.contracts.atomic import RECORD, add_to_record, atomic_folder, atomic_write, command_folder, command_page
 from pentimento.contracts.errors import ConfigError
 
 
@@ -146,6 +146,24 @@ def test_a_command_refuses_to_delete_what_it_did_not_write(
     with pytest.raises(ConfigError, match=named):
         write(tmp_path / "out", "second")
     assert (tmp_path / "out/part/table").read_text() == "first"
+
+
+def test_a_file_that_was_recorded_later_is_replaced_until_somebody_changes_it(tmp_path: Path) -> None:
+    write(tmp_path / "out", "first")
+    for text in ("card", "another card"):
+        (tmp_path / "out/CARD.md").write_text(text)
+        add_to_record(tmp_path / "out", "CARD.md")
+    write(tmp_path / "out", "second")
+    assert names(tmp_path / "out") == [RECORD, "README.md", "part"]
+    (tmp_path / "out/CARD.md").write_text("card")
+    add_to_record(tmp_path / "out", "CARD.md")
+    (tmp_path / "out/CARD.md").write_text("mine")
+    with pytest.raises(ConfigError, match=r"CARD.md, which was changed since"):
+        write(tmp_path / "out", "third")
+    (tmp_path / "none").mkdir()
+    (tmp_path / "none/CARD.md").write_text("card")
+    add_to_record(tmp_path / "none", "CARD.md")
+    assert names(tmp_path / "none") == ["CARD.md"]
 
 
 def test_a_command_refuses_the_folder_of_another_one_a_file_and_a_link(tmp_path: Path) -> None:

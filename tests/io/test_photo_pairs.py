@@ -209,7 +209,8 @@ def test_two_recordings_one_behind_the_other_are_not_joined_to_one_stroke(tmp_pa
     ("header", "says"),
     [
         ("", "is empty"),
-        ("stroke,t_s", "no column x, y, z"),
+        ("stroke,t_s", "no column x, y, z .* such as x_mm"),
+        ("stroke,x_mm,y_mm", "no column z .* such as z_mm"),
         ("stroke,t_s,x,y,z", "column 'x' has no unit"),
         ("stroke,x_mm,y_mm,z_mm,yaw", "column 'yaw' has no unit; name it with one, such as yaw_deg"),
         ("stroke,x_mm,y_mm,z_kg", "unusable unit"),
@@ -225,6 +226,18 @@ def test_rejects_malformed_table(header: str, says: str, tmp_path: Path) -> None
     path.write_text(f"{header}\n" if header else "")
     with pytest.raises(ContractError, match=says):
         import_photo_pairs(path, tmp_path, PLACE, "quill", tmp_path / "out")
+
+
+def test_paths_beside_their_ink_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = record(tmp_path, 12)
+    command = ["import", str(paths), "--photos", str(tmp_path / "photos"), "--window", WINDOW, "--tool", "quill"]
+    assert main([*command, "--out", str(tmp_path / "right")]) == 0
+    assert capsys.readouterr().err == ""
+    assert main([*command, "--y-down", "--out", str(tmp_path / "mirrored")]) == 0
+    warning = capsys.readouterr().err
+    assert (
+        "strokes have no ink within 2 mm of their paths" in warning and "--y-down" in warning and "--scale" in warning
+    )
 
 
 @pytest.mark.parametrize("window", ["", "0 mm, 0 mm, 1 mm", "0, 0, 1, 1", "0 mm, 0 mm, 0 mm, 1 mm", "a, b, c, d"])
@@ -254,6 +267,7 @@ def test_command_deletes_nothing_that_it_did_not_write(tmp_path: Path, capsys: p
     paths = record(tmp_path, 2)
     given = ["import", str(paths), "--photos", str(tmp_path / "photos"), "--window", WINDOW, "--tool", "quill", "--out"]
     assert main([*given, str(tmp_path / "out")]) == 0 and main([*given, str(tmp_path / "out")]) == 0
+    assert main(["card", str(tmp_path / "out")]) == 0 and main([*given, str(tmp_path / "out")]) == 0
     before = sorted((tmp_path / "photos").iterdir())
     for out, says in (("photos", "did not write"), (".", "did not write"), ("paths.csv", "is a file")):
         capsys.readouterr()

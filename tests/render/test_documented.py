@@ -1,11 +1,14 @@
 """The examples of docs/renderer.md run as they stand there, and do what the page says."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pentimento.contracts.colour import srgb_to_linear, to_float
+from pentimento.contracts.images import read_image
 from pentimento.render import PixelStrokes, render
 from pipelines._imports import ROOT
 
@@ -37,7 +40,13 @@ def test_five_lines_render_a_stroke_and_give_the_gradient_of_the_loss() -> None:
         assert found["gradients"].points[index] == pytest.approx(slope, rel=1e-3, abs=1e-3)
 
 
+def test_the_picture_is_saved_as_rendered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = ran(EXAMPLES[0] + EXAMPLES[1])
+    np.testing.assert_allclose(srgb_to_linear(to_float(read_image(Path("stroke.png")))), found["image"][0], atol=0.01)
+
+
 def test_a_stroke_finds_its_target_by_gradient() -> None:
-    found = ran(EXAMPLES[1])
+    found = ran(EXAMPLES[2])
     assert found["losses"][-1] < 0.02 * found["losses"][0]
     assert (found["points"] - found["goal"]).abs().max() < 0.5

@@ -306,6 +306,21 @@ def test_render_rejects_wrong_shapes() -> None:
         render(*painting(*inputs))
 
 
+@pytest.mark.parametrize("place", range(6))
+@pytest.mark.parametrize("value", [4, [[[4.0]]]])
+def test_render_rejects_what_is_no_array(place: int, value: object) -> None:
+    inputs: list[object] = [x.numpy() for x in strokes(3, 4, seed=0)]
+    inputs[place] = value
+    with pytest.raises(RenderInputError, match=rf"is of type {type(value).__name__}; give a NumPy array"):
+        render(PixelStrokes(*inputs[:5]), inputs[5])  # type: ignore[arg-type]
+
+
+def test_render_rejects_whole_numbers() -> None:
+    inputs = [x.numpy().astype(int) for x in strokes(3, 4, seed=0)]
+    with pytest.raises(RenderInputError, match="points are int64; give arrays of float32"):
+        render(*painting(*inputs))
+
+
 def test_render_rejects_huge_values() -> None:
     inputs = [x.numpy() for x in strokes(3, 4, seed=0)]
     inputs[1][0, 1, 2] = 1e30

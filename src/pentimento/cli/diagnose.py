@@ -8,7 +8,7 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from pentimento.cli import Command, option, seed, workshop
 from pentimento.contracts.atomic import atomic_write
@@ -21,9 +21,18 @@ if TYPE_CHECKING:
     from pentimento.diagnosis.strokes.problem import StrokeResult
 
 
+_NO_TABLES: Final = (".npz", ".npy", ".csv")
+"""Endings of files that are measured, and no Parquet."""
+
+
 def _run(arguments: argparse.Namespace) -> None:
     if arguments.problem is not None:
         _diagnose_problem(arguments)
+    elif arguments.rows.suffix.lower() in _NO_TABLES:
+        raise ConfigError(
+            f"{arguments.rows} is no table of strokes or pushes. For a simulator of your own, add --problem "
+            "MODULE:FUNCTION (docs/diagnose_your_simulator.md); recorded strokes become a table by `pentimento import`."
+        )
     elif (arguments.kind or _kind_of(arguments.rows)) == "pushes":
         _diagnose_pushes(arguments)
     else:
@@ -67,10 +76,14 @@ def _diagnose_problem(arguments: argparse.Namespace) -> None:
     """Diagnose a simulator of the user's own (docs/diagnose_your_simulator.md)."""
     with workshop("diagnose"):
         from pentimento.diagnosis.diagnose import diagnose
+        from pentimento.diagnosis.splits import few_actions
         from pentimento.diagnosis.verdict import verdict
     problem = _factory(arguments.problem)(arguments.rows, arguments.seed)
     found = diagnose(problem, seed=arguments.seed, log=_progress)
-    content = verdict(found)
+    warning = few_actions(problem.rows)
+    if warning is not None:
+        print(warning, file=sys.stderr)
+    content = verdict(found, notes=() if warning is None else (warning,))
     atomic_write(arguments.out / "verdict.json", (json.dumps(content, indent=1) + "\n").encode())
     print(content["text"])
     print(f"The verdict is {arguments.out / 'verdict.json'}.")
@@ -176,8 +189,17 @@ COMMAND = Command(
     "diagnose",
     "what a simulation gets wrong about measured strokes or pushes, and why (needs pentimento[train])",
     (
-        option("rows", type=Path, help="a table in the strokes or the pushes contract: a file, or a folder of shards"),
-        option("--out", required=True, type=Path, help="folder for verdict.json, report.html and more"),
+        option(
+            "rows",
+            type=Path,
+            help="a table in the strokes or the pushes contract: a file or a folder of shards; any file with --problem",
+        ),
+        option(
+            "--out",
+            required=True,
+            type=Path,
+            help="folder for verdict.json and, without --problem, report.html and more",
+        ),
         option("--kind", choices=("strokes", "pushes"), help="what the rows are; by default by the table's columns"),
         option(
             "--problem",

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Final, Literal
 from urllib.parse import urlsplit, urlunsplit
 
+import pentimento
 from pentimento.cli.doctor_computer import REINSTALL_TORCH, Finding, extras, install, missing, version
 
 _SERVER_S: Final = 15.0
@@ -38,7 +39,7 @@ def is_clone(root: Path) -> bool:
 def pipeline(root: Path) -> list[Finding]:
     """Look at what `make repro` needs in `root`; outside of a clone, what is missing is no fault."""
     clone = is_clone(root)
-    environment = [_environment(root)] if clone else []
+    environment = [_environment(root), package(root, Path(pentimento.__file__))] if clone else []
     return [*environment, _git(root, clone), _pytorch(clone), _workshop(clone), dvc_cache(root), dvc_lock(root),
             store(root, os.environ.get("MLFLOW_TRACKING_URI"))]  # fmt: skip
 
@@ -52,6 +53,14 @@ def _environment(root: Path) -> Finding:
         text = f"this is {sys.prefix}, and `make repro` uses {own}: the lines below may not hold there."
         return Finding("note", "environment", text, f"{own}/bin/pentimento doctor")
     return Finding("ok", "environment", f"{own}.")
+
+
+def package(root: Path, imported: Path) -> Finding:
+    """Whether the package that Python imports, by the file of its ``__init__``, is the one of the clone."""
+    if imported.resolve().is_relative_to((root / "src").resolve()):
+        return Finding("ok", "package", f"{imported.parent}.")
+    text = f"Python imports pentimento from {imported.parent}, not from this folder: changes here have no effect."
+    return Finding("note", "package", text, "pip install --no-deps -e .")
 
 
 def _git(root: Path, clone: bool) -> Finding:

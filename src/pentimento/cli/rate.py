@@ -80,11 +80,11 @@ COMMAND = Command(
             "write a page for each rater, and the key that says what the pages hide",
             (
                 option("--study", required=True, metavar="STUDY",
-                       help="replication, high_level, drawings, style, text, panel, or a .toml file"),
+                       help="better, replication, high_level, drawings, style, text, panel, or a .toml file"),
                 option("--condition", required=True, action="append", type=_condition, metavar="NAME=FOLDER",
                        help="a folder of pictures, once for each condition; the first is compared with the others"),
                 option("--references", type=Path, metavar="FOLDER",
-                       help="shown beside the pictures: pictures or .txt of items; for style, of conditions"),
+                       help="what most studies show beside: pictures or .txt of items; for style, of conditions"),
                 option("--raters", type=count, required=True, metavar="N", help="number of pages"),
                 option("--per-rater", type=count, metavar="N",
                        help="maximum number of parts on a page; all by default"),

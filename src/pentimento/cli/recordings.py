@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from pentimento.cli import Command, given, option, seed, workshop
 from pentimento.contracts.errors import ConfigError, UnitError
@@ -13,6 +14,9 @@ from pentimento.contracts.units import parse_quantity
 if TYPE_CHECKING:
     from pentimento.io.lerobot_in import Description
     from pentimento.io.stroke_rows import Imported, Placement, RecordedPath
+
+_NO_INK: Final = 1 / 3
+"""Share of the strokes without ink along their paths, above which the import warns."""
 
 
 def _import(arguments: argparse.Namespace) -> None:
@@ -41,10 +45,17 @@ def _import(arguments: argparse.Namespace) -> None:
 def print_imported(imported: Imported, out: Path) -> None:
     """Print how many strokes are in the table ``out``, which were refused and why, and where its contact sheet is."""
     from pentimento.io.contact_sheet import SHEET, SHOWN
+    from pentimento.io.ink_along_path import NEAR_M
 
     print(f"{imported.rows} strokes are in {out}.")
     for reason, strokes in imported.refused.items():
         print(f"Refused: {len(strokes)} × {reason} ({', '.join(strokes[:8])}{', …' if len(strokes) > 8 else ''}).")
+    if imported.without_ink > _NO_INK * imported.rows:
+        print(
+            f"{imported.without_ink} of {imported.rows} strokes have no ink within {1e3 * NEAR_M:g} mm of their paths: "
+            "probably an axis or the unit is wrong. See --y-down, --scale and --window, and the units of the paths.",
+            file=sys.stderr,
+        )
     shown = f" (the first {SHOWN})" if imported.rows > SHOWN else ""
     print(f"Look at them before anything is trained: {out / SHEET}{shown}")
 

@@ -69,7 +69,10 @@ class CollectionConfig:
         at_least(self, 0, "repeated", "crossing_share", "edge_m", "yaw_spread_rad", "seed")
         above_zero(self, "margin_m", "pixels_per_m")
         if self.repeated * self.times > self.strokes:
-            raise ValueError(f"repeated is {self.repeated}; {self.times} times as many rows are more than strokes.")
+            raise ValueError(
+                f"strokes is {self.strokes}; repeated {self.repeated} × times {self.times} needs at least "
+                f"{self.repeated * self.times}: raise strokes, or lower repeated."
+            )
         if self.crossing_share > 1:
             raise ValueError(f"crossing_share is {self.crossing_share}; it is a share of the strokes, at most 1.")
         if not 0 < self.settle_s[0] <= self.settle_s[1]:

@@ -55,7 +55,10 @@ class PushCollectionConfig:
         at_least(self, 0, "repeated", "revisit_share", "edge_m", "seed")
         above_zero(self, "scan_pixels")
         if self.repeated * self.times > self.pushes:
-            raise ValueError(f"repeated is {self.repeated}; {self.times} times as many rows are more than pushes.")
+            raise ValueError(
+                f"pushes is {self.pushes}; repeated {self.repeated} × times {self.times} needs at least "
+                f"{self.repeated * self.times}: raise pushes, or lower repeated."
+            )
         if self.revisit_share > 1:
             raise ValueError(f"revisit_share is {self.revisit_share}; it is a share of the pushes, at most 1.")
         if not 1 <= self.pushes_per_smoothing[0] <= self.pushes_per_smoothing[1]:

@@ -13,7 +13,7 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from pentimento.contracts.errors import ConfigError
 
@@ -118,6 +118,17 @@ def command_folder(path: Path, command: str) -> Iterator[Path]:
         (folder / RECORD).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
+def add_to_record(folder: Path, name: str) -> None:
+    """Let the command that wrote a folder replace a file that another command added to it, too.
+
+    A folder without a record, which no command wrote, stays as it is.
+    """
+    record = _record(folder)
+    if isinstance(record.get("files"), dict):
+        record["files"][name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        atomic_write(folder / RECORD, (json.dumps(record, indent=1) + "\n").encode())
+
+
 def check_replaceable(path: Path, command: str) -> None:
     """Let a command replace a folder only if it does not exist, is empty, or holds just what the command wrote.
 
@@ -178,13 +189,20 @@ def check_place(path: Path) -> None:
 
 def _recorded(folder: Path, command: str) -> dict[str, str]:
     """The digests of the files that a command wrote into a folder; empty where it did not write it."""
+    record = _record(folder)
+    if record.get("command") != command or not isinstance(record.get("files"), dict):
+        return {}
+    files: dict[str, str] = record["files"]
+    return files
+
+
+def _record(folder: Path) -> dict[str, Any]:
+    """The record of a folder; empty where there is none, or another file has its name."""
     try:
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    if not isinstance(record, dict) or record.get("command") != command or not isinstance(record.get("files"), dict):
-        return {}
-    return record["files"]
+    return record if isinstance(record, dict) else {}
 
 
 def _digests(folder: Path) -> dict[str, str]:

@@ -61,11 +61,13 @@ class Rows:
     action: Array
     """int[B]: rows of equal value repeat one command."""
     block: Array
-    """int[B]: rows of equal value stay in one split as far as possible."""
+    """int[B]: rows of equal value share a condition that nobody measured, such as one load of paint or ten minutes of a
+    session. They stay in one split as far as possible, so that what they share is not taken for confirmation. Where
+    nothing is shared, the same as ``action``."""
     turn: Array
-    """int[B]: rank in the order of execution."""
+    """int[B]: rank in the order of execution, which shows drift: 0, 1, 2, … where rows are in that order."""
     covariates: Mapping[str, Array]
-    """float[B] each, without gaps."""
+    """float[B] each, without gaps, by name."""
 
     @property
     def first_of_action(self) -> Array:

@@ -42,6 +42,20 @@ class Parameter(NamedTuple):
     """A usual deviation from ``start``."""
 
 
+class _Values(dict[str, float]):
+    """Values by name; a name that is missing is an error that says which there are."""
+
+    def __init__(self, values: Mapping[str, float], function: str) -> None:
+        super().__init__(values)
+        self._function = function
+
+    def __missing__(self, name: str) -> float:
+        raise ContractError(
+            f"{self._function} asks for {name!r}, which is neither a parameter nor a quantity; there are "
+            f"{', '.join(self)}."
+        )
+
+
 @dataclass(frozen=True)
 class FittedSimulator:
     """Fitted parameters, as deviations from the start in typical sizes: nuisances, then the causes' quantities."""
@@ -65,7 +79,27 @@ class SimulatorProblem:
     unit: str
     seed: int
     index: Array
-    """int[B'] the rows of this part of the table."""
+    """int[B'] the rows of this part of the table; at first all of them, 0, 1, …, B − 1."""
+
+    def __post_init__(self) -> None:
+        """Check the shapes of what was measured and the names of covariates.
+
+        Raises:
+            ContractError: a shape differs, or a cause depends on a covariate that no row has.
+        """
+        rows = len(self.measured)
+        if self.measured.ndim != 2:
+            raise ContractError(f"measured has the shape {self.measured.shape}; it is [B, N]: a line for each row.")
+        columns = {"action": self.all_rows.action, "block": self.all_rows.block, "turn": self.all_rows.turn}
+        for name, column in (columns | dict(self.all_rows.covariates)).items():
+            if column.shape != (rows,):
+                raise ContractError(f"{name} of Rows has the shape {column.shape}; measured has {rows} rows.")
+        for cause in self.causes.values():
+            if unknown := [name for name in cause.covariates if name not in self.all_rows.covariates]:
+                raise ContractError(
+                    f"The cause {cause.name} has the covariate {unknown[0]!r}, which Rows lacks; it has "
+                    f"{', '.join(self.all_rows.covariates)}."
+                )
 
     @property
     def rows(self) -> Rows:
@@ -174,13 +208,30 @@ class SimulatorProblem:
         return FittedSimulator(causes, np.concatenate([base, *own]))
 
     def _residual(self, model: FittedSimulator) -> Array:
-        return np.asarray(self.measured[self.index] - self.predict(self.index, self.values(model)))
+        return np.asarray(self.measured[self.index] - self._predicted(model))
+
+    def _predicted(self, model: FittedSimulator) -> Array:
+        """Predictions [B', N] of the rows of this part.
+
+        Raises:
+            ContractError: the function asks for a name that is neither parameter nor quantity, or returns another
+                shape.
+        """
+        name = f"{self.predict.__module__}.{getattr(self.predict, '__qualname__', 'predict')}"
+        predicted = self.predict(self.index, _Values(self.values(model), name))
+        expected = len(self.index), self.measured.shape[1]
+        if np.shape(predicted) != expected:
+            raise ContractError(
+                f"{name} returns the shape {np.shape(predicted)} for {expected[0]} rows; expected is {expected}, as of "
+                "measured."
+            )
+        return np.asarray(predicted)
 
     def _slopes(self, model: FittedSimulator) -> Array:
         """Differences of the predictions, [P, B, N]; one-sided, because each costs a simulation."""
-        here = self.predict(self.index, self.values(model))
+        here = self._predicted(model)
         steps = _STEP * np.eye(len(model.vector))
-        moved = [self.predict(self.index, self.values(replace(model, vector=model.vector + step))) for step in steps]
+        moved = [self._predicted(replace(model, vector=model.vector + step)) for step in steps]
         return np.stack([(there - here) / _STEP for there in moved])
 
     def _statistics(self, model: FittedSimulator, slopes: Array) -> Statistics:

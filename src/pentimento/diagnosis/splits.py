@@ -18,6 +18,8 @@ _REPEATED = (0.25, 0.25)
 """The same of repeated actions. Half of them go to the test split, whose noise floor is reported."""
 FEWEST_ACTIONS = 15
 """Three in each of the smaller splits."""
+_ENOUGH_ACTIONS = 60
+"""From here on not only large effects are found."""
 
 
 class Splits(NamedTuple):
@@ -40,7 +42,7 @@ def split(rows: Rows, seed: int) -> Splits:
     if len(actions) < FEWEST_ACTIONS:
         raise ContractError(
             f"The table has {len(actions)} different actions. To find, confirm and test a cause on different actions "
-            f"takes at least {FEWEST_ACTIONS}, and about 60 to find anything but a large effect."
+            f"takes at least {FEWEST_ACTIONS}, and about {_ENOUGH_ACTIONS} to find anything but a large effect."
         )
     rng = np.random.default_rng([seed, 7])
     block = rows.block[first]
@@ -53,3 +55,14 @@ def split(rows: Rows, seed: int) -> Splits:
         part[group] = np.searchsorted(ends, np.arange(len(group)), side="right")
     of_row = part[np.searchsorted(actions, rows.action)]
     return Splits(*(np.flatnonzero(of_row == k) for k in range(3)))
+
+
+def few_actions(rows: Rows) -> str | None:
+    """A warning about few different actions; None where there are enough."""
+    actions = len(rows.first_of_action)
+    if actions >= _ENOUGH_ACTIONS:
+        return None
+    return (
+        f"There are {actions} different actions; with fewer than about {_ENOUGH_ACTIONS}, only large effects are "
+        "found. Make more."
+    )

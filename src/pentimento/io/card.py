@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pentimento.contracts import pushes, strokes
-from pentimento.contracts.atomic import atomic_write
+from pentimento.contracts.atomic import add_to_record, atomic_write
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.schema import TableContract
 from pentimento.contracts.tables import CheckedTable, parquet_files, read_table
@@ -79,6 +79,8 @@ def write_card(rows: Path, out: Path | None) -> tuple[Path, list[str]]:
     content = _of_pushes(checked.table) if contract is pushes.CONTRACT else _of_strokes(checked.table)
     warnings = _warnings(checked, content)
     atomic_write(place, _markdown(rows.name, contract, checked, content, warnings).encode())
+    if place == rows / NAME:
+        add_to_record(rows, NAME)
     return place, warnings
 
 

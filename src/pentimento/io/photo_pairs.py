@@ -35,6 +35,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import is_index
 from pentimento.contracts.units import parse_quantity
 from pentimento.io.contact_sheet import shown_strokes, write_with_sheet
+from pentimento.io.ink_along_path import has_ink
 from pentimento.io.stroke_rows import (
     COMMAND,
     Imported,
@@ -120,7 +121,8 @@ def _number_columns(header: list[str], path: Path) -> dict[str, _Column]:
     missing += [] if {"z", "press"} & set(columns) else ["z (or press)"]
     if missing:
         raise ContractError(
-            f"{path} has no column {', '.join(missing)} with a unit, such as x_mm, among {', '.join(header)}."
+            f"{path} has no column {', '.join(missing)} with a unit, such as {missing[0][0]}_mm, among "
+            f"{', '.join(header)}."
         )
     return columns
 
@@ -293,7 +295,7 @@ def import_strokes(
         raise ContractError(f"None of the {len(strokes)} strokes of {paths} can be used: {counted(refused)}.")
     table = table_of(rows, list(each_about(strokes)))
     write_with_sheet(out, table, CONTRACT, card(paths.name, tool, len(rows), refused), shown_strokes)
-    return Imported(len(rows), refused)
+    return Imported(len(rows), refused, sum(not has_ink(row) for row in rows))
 
 
 _ENDINGS: Final = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")

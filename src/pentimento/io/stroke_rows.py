@@ -100,6 +100,8 @@ class Imported(NamedTuple):
     rows: int
     refused: dict[str, list[str]]
     """Names of the strokes that were left out, by reason."""
+    without_ink: int = 0
+    """Number of rows whose photographs show no ink near the path."""
 
 
 class Refused(PentimentoError):

@@ -165,7 +165,16 @@ def _bands(canvas: Array, strokes: PixelStrokes[Array]) -> list[tuple[int, int]]
 
 def check_inputs(strokes: PixelStrokes[Array], canvas: Array, threads: int) -> None:
     """Refuse inputs that compiled code would read out of bounds, or that are invalid; see ``render``."""
+    given = {**strokes._asdict(), "canvas": canvas}
+    for name, array in given.items():
+        if not isinstance(array, np.ndarray) and not (name == "pickup" and array is None):
+            raise RenderInputError(
+                f"The renderer's {name} is of type {type(array).__name__}; give a NumPy array, such as "
+                "np.array(…, dtype=np.float64)."
+            )
     points = strokes.points
+    if points.dtype not in (np.float32, np.float64):
+        raise RenderInputError(f"The renderer's points are {points.dtype}; give arrays of float32, or all of float64.")
     if points.ndim != 4 or points.shape[-1] != 2 or points.shape[2] == 0 or canvas.ndim != 4 or canvas.size == 0:
         raise RenderInputError(
             f"The renderer needs points [B, S, N, 2] and a canvas [B, H, W, 3]; got {points.shape} and {canvas.shape}."
