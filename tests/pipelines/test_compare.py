@@ -157,7 +157,7 @@ def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
             agreeing, (said,) = check(folder, "default")
             assert agreeing == 1 and said.startswith("train_stroke_dynamics@marker: ") and sentence in said
         files.append("paint: data/paintings is not what dvc.lock has.")
-        with pytest.raises(PentimentoError, match="disagree on 1 of 2 stage items.* Files of 1 of the stage items are"):
+        with pytest.raises(PentimentoError, match=r"disagree on 1 of 2 stage items.* Files of 1 of the stage items are"):
             ask(check=True)
         assert capsys.readouterr().out.endswith(f"{files[0]}\n")
     finally:
@@ -203,7 +203,7 @@ def test_a_stage_that_an_interrupted_execution_did_not_reach_is_not_called_the_s
 
 
 def test_a_stage_that_never_ran_is_missing(folder: Path) -> None:
-    with pytest.raises(PentimentoError, match="smoke has no dvc.lock.* another profile: `--profile default`"):
+    with pytest.raises(PentimentoError, match=r"smoke has no dvc.lock.* another profile: `--profile default`"):
         ask(check=True, profile="smoke")
     agreeing, said = check(folder, "smoke")
     assert agreeing == 0 and len(said) == 2 and all("MLflow has no finished run of it" in each for each in said)
