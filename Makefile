@@ -1,6 +1,7 @@
 # The project's commands. Each one sets up the environment by itself on a fresh clone.
 #   make repro [PROFILE=quick]   the pipeline; PROFILE overlays profiles/<name>.yaml and leaves the working tree clean
 #   make repro JSON=1            the same; every line of the progress is a JSON object
+#   make repro STAGE=...         one stage, such as train_stroke_dynamics@marker, and what it reads as far as out of date
 #   make repro SEEDS=5 STAGE=...  one stage with five seeds, to compare with another five (docs/reviewing.md)
 #   make test                    the whole test suite
 #   make check                   format, lint, types
@@ -42,7 +43,7 @@ export DO_NOT_TRACK ?= true
 .DELETE_ON_ERROR:
 
 repro: env
-	@$(BIN)/python -m $(if $(SEEDS),pipelines._seeds $(SEEDS) "$(STAGE)",pipelines._repro $(if $(JSON),--json)) $(PROFILE)
+	@$(BIN)/python -m $(if $(SEEDS),pipelines._seeds $(SEEDS) "$(STAGE)",pipelines._repro $(if $(JSON),--json) $(if $(STAGE),--stage "$(STAGE)")) $(PROFILE)
 
 # One thread for each of the two processes: with more threads than cores, tests take several times longer. The tests of a
 # file stay together, because they share fixtures that are slow to create.

@@ -1,6 +1,6 @@
 """`make repro`: run DVC, restore outputs that a failure left missing, print where the report is.
 
-    python -m pipelines._repro [PROFILE] [--json]
+    python -m pipelines._repro [PROFILE] [--json] [--stage STAGE]
 
 On a terminal a table shows how the stages are doing, and the report opens in the browser, where there is one. Where the
 output is no terminal, the stages' own lines are printed. With `--json` every line is a JSON object.
@@ -8,8 +8,11 @@ output is no terminal, the stages' own lines are printed. With `--json` every li
 A profile (`profiles/<name>.yaml`) overlays params.yaml. It runs in `.profiles/<name>/`, a copy of the files that git
 tracks or would add, with the same DVC cache and MLflow store, so that the working tree stays clean. Where there is a
 `profiles/<name>/pipeline.yaml`, its stages run in place of those of dvc.yaml.
+
+With `--stage`, only that stage (`paint`) or stage item (`paint@colour`) runs, and what it reads as far as out of date.
 """
 
+import argparse
 import filecmp
 import os
 import shutil
@@ -32,7 +35,7 @@ from pipelines._progress_views import View, opened_view
 from pipelines._review.agreement import link
 from pipelines._review.champions import register
 from pipelines._review.view import address_of
-from pipelines._side_by_side import bring_up_to_date
+from pipelines._side_by_side import bring_up_to_date, items_of
 from pipelines._tracking.dvc_files import locked_stages
 from pipelines._tracking.store import VARIABLE
 from pipelines._tracking.timings import TIMINGS
@@ -44,22 +47,26 @@ STATUS = {0: "FINISHED", 130: "KILLED", 143: "KILLED"}  # of MLflow, by exit sta
 
 def main(arguments: list[str]) -> int:
     """Return the exit status of `make repro`."""
-    profiles = [each for each in arguments if each != "--json"]
-    if len(profiles) > 1:
-        print(__doc__, file=sys.stderr)
-        return 2
+    parser = argparse.ArgumentParser(
+        prog="make repro", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("profile", nargs="?", metavar="PROFILE")
+    parser.add_argument("--json", action="store_true", help="print each line as a JSON object")
+    parser.add_argument("--stage", help="a stage, or stage@item, instead of all")
+    asked = parser.parse_args(arguments)
     end_with_parent()
-    with opened_view("--json" in arguments) as view:
-        return _run(Path.cwd(), profiles[0] if profiles else None, view)
+    with opened_view(asked.json) as view:
+        return _run(Path.cwd(), asked.profile, asked.stage, view)
 
 
-def _run(root: Path, profile: str | None, view: View) -> int:
+def _run(root: Path, profile: str | None, stage: str | None, view: View) -> int:
     os.environ.setdefault("MLFLOW_TRACKING_URI", f"sqlite:///{root / 'mlflow.db'}")
     os.environ["PENTIMENTO_PROFILE"] = profile or "default"
     try:
         folder = overlay(root, profile) if profile else root
         put_aside_broken_lock(folder)
         name_files_of(folder, view.note)
+        targets = items_of(stage, folder) if stage else []
     except (PentimentoError, OSError) as error:
         print(f"make repro: {error}", file=sys.stderr)
         view.end(1, None)
@@ -68,14 +75,14 @@ def _run(root: Path, profile: str | None, view: View) -> int:
     execution = f"{profile or 'default'} · {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(started))}"
     os.environ[VARIABLE] = execution
     try:
-        status = bring_up_to_date(folder, view)
+        status, unfinished = bring_up_to_date(folder, view, targets)
     except KeyboardInterrupt:  # no stage had begun
-        status = 130
+        status, unfinished = 130, frozenset()
     ran = _ran_since(folder, started)
     experiments: dict[str, str] = {}
     try:
         if status != 0 or ran:
-            experiments = link(folder, execution, STATUS.get(status, "FAILED"))
+            experiments = link(folder, execution, STATUS.get(status, "FAILED"), unfinished)
             if status == 0 and profile is None:  # models of other profiles are not registered
                 view.note("\n".join(["", *register(folder)]))
     except PentimentoError as error:  # the outputs are complete; only links in MLflow are missing
@@ -88,16 +95,16 @@ def _run(root: Path, profile: str | None, view: View) -> int:
             file=sys.stderr,
         )
         return status
-    report = folder / "data/report/index.html"
-    view.note(f"\nThe report:  {report.relative_to(root)}")
+    report = None if targets and "report" not in targets else folder / "data/report/index.html"
+    view.note(f"\nThe report:  {report.relative_to(root)}" if report else "")
     store = os.environ["MLFLOW_TRACKING_URI"]
     view.note(f"The runs:    .venv/bin/mlflow ui --workers 1 --backend-store-uri {store}")
     view.note("             then open" + ("" if experiments else " http://127.0.0.1:5000"))
     for name, experiment in experiments.items():
         view.note(f"             http://127.0.0.1:5000/{address_of(experiment)} ({name})")
     view.note("What changed: .venv/bin/python -m pipelines.compare --last 2")
-    view.end(0, report.relative_to(root))
-    if ran:
+    view.end(0, report and report.relative_to(root))
+    if ran and report:
         open_report(report)
     return 0
 

@@ -19,6 +19,7 @@ from pipelines._io import end_with_parent
 from pipelines._params import overlaid, read_yaml, reseeded
 from pipelines._repro import STATUS, name_files_of, overlay_with, restore_missing
 from pipelines._review.agreement import link
+from pipelines._side_by_side import items_of
 from pipelines._tracking.families import experiment_of, family_of
 from pipelines._tracking.run import code_tags
 from pipelines._tracking.store import (
@@ -35,8 +36,15 @@ from pipelines._tracking.store import (
 
 def main(arguments: list[str]) -> int:
     """Return the exit status."""
-    if len(arguments) not in (2, 3) or not arguments[0].isdecimal() or int(arguments[0]) < 2:
+    if len(arguments) not in (2, 3):
         print(__doc__, file=sys.stderr)
+        return 2
+    if not arguments[0].isdecimal() or int(arguments[0]) < 2:
+        print(
+            f"make repro: SEEDS={arguments[0]} is no group of seeds; give a whole number from 2 on. "
+            "A comparison of two groups needs 3.",
+            file=sys.stderr,
+        )
         return 2
     end_with_parent()
     count, target, profile = int(arguments[0]), arguments[1], arguments[2] if len(arguments) == 3 else None
@@ -61,6 +69,7 @@ def _run(root: Path, target: str, profile: str | None, *, group: str, number: in
     """Bring one run of the group up to date and tag it; return DVC's exit status."""
     params = reseeded(overlaid(root, profile) if profile else read_yaml(root / "params.yaml"), _stage(target), number)
     folder = overlay_with(root, f"{profile or 'default'}.seed{number}", params, profile)
+    items_of(target, folder)
     put_aside_broken_lock(folder)
     name_files_of(folder, print)
     execution = f"{group} · {number}"

@@ -10,13 +10,15 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from subprocess import PIPE, STDOUT
-from typing import IO, cast
+from typing import IO, NamedTuple, cast
 
+from pentimento.contracts.errors import PentimentoError
 from pipelines._dvc import Process, ask_dvc, run_dvc, send, signals_passed_on, start_dvc
 from pipelines._progress import (
     AT_ONCE,
@@ -39,18 +41,61 @@ _EDGE = re.compile(r'^\s*"([^"]+)" -> "([^"]+)";$', re.MULTILINE)
 _NODE = re.compile(r'^\s*"([^"]+)"', re.MULTILINE)
 
 
-def bring_up_to_date(folder: Path, view: View) -> int:
-    """Run the out-of-date stages of the pipeline in `folder`; return DVC's exit status, 130 or 143 after a signal."""
+class Outcome(NamedTuple):
+    """How a run of the pipeline ended."""
+
+    status: int
+    """DVC's exit status, 130 or 143 after a signal."""
+    unfinished: frozenset[str]
+    """Stage items that are still out of date."""
+
+
+def bring_up_to_date(folder: Path, view: View, targets: Collection[str] = ()) -> Outcome:
+    """Run the out-of-date stages of the pipeline in `folder`; of `targets`, if any, only them and what they read."""
     status = ask_dvc(["status", "--json"], folder)
     if not status:  # the pipeline is invalid (a cycle, an unreadable file): DVC reports it
-        return run_dvc(["repro"], folder)
+        return Outcome(run_dvc(["repro"], folder), frozenset())
     changed = [name for name in json.loads(status) if not _of_other_pipeline(name)]
     if not changed:
         view.note("Data and pipelines are up to date.")
-        return 0
+        return Outcome(0, frozenset())
     dot = ask_dvc(["dag", "--dot"], folder)
     known = [name for name in dict.fromkeys(_NODE.findall(dot)) if not _of_other_pipeline(name)]
-    return _run_all(out_of_date(dict.fromkeys(changed), dot), known, folder, view)
+    reads = out_of_date(dict.fromkeys(changed), dot)
+    wanted = needed_by(targets, dot) if targets else frozenset(known)
+    to_run = {name: read for name, read in reads.items() if name in wanted}
+    if not to_run:
+        view.note(f"{', '.join(sorted(targets))}: up to date.")
+        return Outcome(0, frozenset(reads))
+    ended, done = _run_all(to_run, [name for name in known if name in wanted], folder, view)
+    return Outcome(ended, frozenset(reads.keys() - done))
+
+
+def items_of(target: str, folder: Path) -> list[str]:
+    """Return the stage items of dvc.yaml in `folder` that `target` names: a stage (all of its items) or stage@item.
+
+    Raises:
+        PentimentoError: there is no such stage item.
+    """
+    known = outputs_by_stage(folder)
+    found = [name for name in known if target in (name, name.partition("@")[0])]
+    if found:
+        return found
+    stage = target.partition("@")[0]
+    items = [name for name in known if name.partition("@")[0] == stage]
+    stages = {name.partition("@")[0] for name in known}
+    close = items or get_close_matches(target, known.keys() | stages) or sorted(stages)
+    raise PentimentoError(f"there is no stage {target!r} in {folder / 'dvc.yaml'}; there is {', '.join(close)}.")
+
+
+def needed_by(targets: Collection[str], dot: str) -> frozenset[str]:
+    """Return `targets` and all stages that they read, directly or by others; `dot` as in `out_of_date`."""
+    edges = _EDGE.findall(dot)
+    found, new = set[str](), set(targets)
+    while new:
+        found |= new
+        new = {stage for stage, reader in edges if reader in found} - found
+    return frozenset(found)
 
 
 def out_of_date(changed: Mapping[str, object], dot: str) -> Reads:
@@ -99,10 +144,11 @@ class _Running:
     """Printed so far."""
 
 
-def _run_all(reads: Reads, known: list[str], folder: Path, view: View) -> int:
+def _run_all(reads: Reads, known: list[str], folder: Path, view: View) -> tuple[int, set[str]]:
     """Run the stages of `reads`, `AT_ONCE` at a time, until all are done or one has failed; then stop the other.
 
-    Those of the stages `known` that are not in `reads` are up to date.
+    Those of the stages `known` that are not in `reads` are up to date. Returns the exit status and the stages that are
+    up to date now.
     """
     os.environ["OMP_WAIT_POLICY"] = "PASSIVE"  # threads that spin while they wait take the other stage's core
     os.environ["PYTHONUNBUFFERED"] = "1"  # or the output of a stage arrives in one piece when it ends
@@ -144,7 +190,8 @@ def _run_all(reads: Reads, known: list[str], folder: Path, view: View) -> int:
             stage.reader.join()
     taken = {row.stage: row.seconds for row in rows.values() if row.state is State.DONE and row.seconds is not None}
     write_durations(folder, durations | taken)
-    return 128 + received[0] if received else status
+    done = {name for name, row in rows.items() if row.state in (State.DONE, State.UNCHANGED)}
+    return 128 + received[0] if received else status, done
 
 
 def _start(name: str, folder: Path, view: View) -> _Running:

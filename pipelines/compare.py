@@ -10,17 +10,19 @@ python -m pipelines.compare --check           do MLflow and dvc.lock agree?
 import argparse
 import os
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import PentimentoError
 from pipelines._io import stage_main
-from pipelines._review.agreement import check
+from pipelines._review.agreement import altered, check
 from pipelines._review.comparison import compare
 from pipelines._review.group_page import group_page
 from pipelines._review.groups import Group, compare_groups, groups, table
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._review.page import changes, page, text
+from pipelines._tracking.dvc_files import locked_stages
 from pipelines._tracking.store import store_errors
 from pipelines._tracking.timings import COMPARISONS
 
@@ -53,12 +55,13 @@ def _chosen_groups(history: History, arguments: argparse.Namespace) -> tuple[Gro
     if not arguments.seeds:
         return (named[0], named[1]) if len(named) == 2 else None
     if arguments.stage is not None:
+        _require_known(arguments.stage, history)
         known = [group for group in known if group.stage == arguments.stage]
     if known:
         known = [group for group in known if (group.stage, group.profile) == (known[0].stage, known[0].profile)]
     if len(known) < 2:
         raise PentimentoError(
-            f"There are {len(known)} groups of one stage and profile in MLflow's store, and two are compared; "
+            f"Two groups of one stage and profile are compared and MLflow's store has {len(known)}; "
             "make one with `make repro SEEDS=5 STAGE=<stage>` before a change and one after it."
         )
     return known[1], known[0]
@@ -81,7 +84,7 @@ def _chosen(history: History, arguments: argparse.Namespace) -> tuple[StageRun |
     if arguments.last is None:
         if len(arguments.runs) != 2:
             raise PentimentoError(
-                f"{len(arguments.runs)} runs are named and two are compared; name two, or use --last 2."
+                f"Two runs are compared and the command names {len(arguments.runs)}; name two, or use --last 2."
             )
         first, second = (history.find(reference) for reference in arguments.runs)
         return first, second
@@ -98,9 +101,22 @@ def _chosen(history: History, arguments: argparse.Namespace) -> tuple[StageRun |
             if arguments.stage in (run.name, run.stage) and run.status == "FINISHED" and "group" not in run.tags
         ]
         kind = f"finished runs of {arguments.stage}"
+        _require_known(arguments.stage, history)
     if len(known) < 2:
-        raise PentimentoError(f"There are {len(known)} {kind} in MLflow's store, and two are compared; run once more.")
+        raise PentimentoError(f"Two {kind} are compared and MLflow's store has {len(known)}; run once more.")
     return last_two(known)
+
+
+def _require_known(stage: str, history: History) -> None:
+    """Raise an error that lists what is close, where MLflow's store has no run of a stage or stage@item."""
+    stages, names = {run.stage for run in history.runs}, {run.name for run in history.runs}
+    if stage in stages | names:
+        return
+    items = sorted(name for name in names if name.partition("@")[0] == stage.partition("@")[0])
+    near = items or get_close_matches(stage, stages | names) or sorted(stages)
+    raise PentimentoError(
+        f"MLflow's store has no run of {stage!r}; it has runs of {', '.join(near) or 'no stage: run `make repro`'}."
+    )
 
 
 def last_two(known: Sequence[StageRun | Execution]) -> tuple[StageRun | Execution, StageRun | Execution]:
@@ -112,14 +128,32 @@ def last_two(known: Sequence[StageRun | Execution]) -> tuple[StageRun | Executio
 
 def _check(profile: str) -> None:
     folder = Path.cwd() if profile == "default" else Path(".profiles") / profile
+    if not locked_stages(folder):
+        sentence = f"{folder} has no dvc.lock with stages: `make repro` has not run there."
+        raise PentimentoError(" ".join([sentence, *_newest_profile(other_than=profile)]))
     agreeing, differences = check(folder, profile)
-    for sentence in differences:
+    files = altered(folder)
+    for sentence in [*differences, *files]:
         print(sentence)
+    found = []
     if differences:
-        raise PentimentoError(
+        found.append(
             f"MLflow and dvc.lock disagree on {len(differences)} of {agreeing + len(differences)} stage items."
         )
+        found += _newest_profile(other_than=profile)
+    if files:
+        found.append(f"Files of {len(files)} of the stage items are not those of dvc.lock; `make repro` restores them.")
+    if found:
+        raise PentimentoError(" ".join(found))
     print(f"MLflow and dvc.lock agree on all {agreeing} stage items.")
+
+
+def _newest_profile(*, other_than: str) -> list[str]:
+    """A sentence on the profile of the last execution, where it is another one than was checked."""
+    with store_errors():
+        newest = next(iter(History().executions), None)
+    profile = newest.tags.get("profile", other_than) if newest else other_than
+    return [] if profile == other_than else [f"The last execution is of another profile: `--profile {profile}`."]
 
 
 def _id(of: StageRun | Execution) -> str:

@@ -1,11 +1,14 @@
 """Agreement of MLflow's runs with dvc.lock, and the tags that link one to the other."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from pathlib import Path
+from typing import Any
 
+from pentimento.contracts.errors import PentimentoError
+from pipelines._dvc import ask_dvc
 from pipelines._params import read_yaml
 from pipelines._review.history import History, StageRun
 from pipelines._review.models import log_models
@@ -15,6 +18,8 @@ from pipelines._tracking.store import open_store, store_errors
 
 OUTPUT = "output:"
 """Prefix of the tags with the MD5 of a run's outputs, by path."""
+_MAX_FILES = 4
+"""Named in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +105,46 @@ def check(folder: Path, profile: str) -> tuple[int, list[str]]:
     return agreeing, sentences
 
 
-def link(folder: Path, execution: str, status: str) -> dict[str, str]:
+def altered(folder: Path) -> list[str]:
+    """Return a sentence for each stage item of dvc.lock whose outputs in `folder` are not those that dvc.lock has.
+
+    DVC compares them, by the MD5 of each file whose time or size has changed.
+    """
+    locked, found = locked_stages(folder), dict[str, list[str]]()
+    for stage, changes in _asked(["status", "--json"], folder).items():
+        outs = [change.get("changed outs", {}) for change in changes if isinstance(change, dict)]
+        paths = [path for each in outs for path, state in each.items() if state in ("modified", "deleted")]
+        if paths and stage in locked:
+            found[stage] = paths
+    if not found:
+        return []
+    states = _asked(["data", "status", "--granular", "--json"], folder).get("uncommitted", {})
+    files = [(path, state) for state, listed in states.items() for path in listed if not path.endswith("/")]
+    return [f"{stage}: {'; '.join(_differing(path, files) for path in paths)}." for stage, paths in found.items()]
+
+
+def _asked(arguments: list[str], folder: Path) -> dict[str, Any]:
+    answer = ask_dvc(arguments, folder)
+    if not answer:
+        raise PentimentoError(
+            f"DVC cannot compare the files of {folder} with its dvc.lock; `dvc {' '.join(arguments)}` there says why."
+        )
+    asked: dict[str, Any] = json.loads(answer)
+    return asked
+
+
+def _differing(path: str, files: Sequence[tuple[str, str]]) -> str:
+    """Return a phrase with the files below an output that differ, as (path, state), as far as DVC lists them."""
+    below = [f"{file} {state}" for file, state in files if file.startswith(f"{path}/")]
+    more = f" and {len(below) - _MAX_FILES} more" if len(below) > _MAX_FILES else ""
+    listed = f" ({', '.join(below[:_MAX_FILES])}{more})" if below else ""
+    return f"{path} is not what dvc.lock has{listed}"
+
+
+def link(folder: Path, execution: str, status: str, unfinished: Collection[str] = ()) -> dict[str, str]:
     """Close an execution: log its models, tag its runs with their outputs, parents with earlier runs that stand.
 
-    An earlier run stands where DVC found nothing to do.
+    An earlier run stands where DVC found nothing to do, which is so of no stage item in `unfinished`.
 
     Returns:
         The ids of the execution's experiments by their names, each with its main figures as a shared view.
@@ -120,7 +161,7 @@ def link(folder: Path, execution: str, status: str) -> dict[str, str]:
             if run is None:
                 continue
             log_models(client, run, locked.outputs)
-            if run.tags.get("execution") != execution:
+            if run.tags.get("execution") != execution and locked.name not in unfinished:
                 reused[locked.name] = run.id
             for path, digest in locked.outputs.items():
                 client.set_tag(run.id, f"{OUTPUT}{path}", digest)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipelines._review.agreement import OUTPUT
 from pipelines._review.figures import Figure, figures, paired
@@ -52,12 +52,14 @@ class StageDifference:
 
     @property
     def same(self) -> bool:
-        """Whether both sides are one run, or differ only in time."""
+        """Whether both sides are one run, or differ only in time; a run that did not finish has no results."""
         a, b = self.runs
-        if a is not None and b is not None and a.id == b.id:
+        if a is None or b is None:
+            return False
+        if a.id == b.id:
             return True
-        changed = any(figure.changed for figure in self.figures)
-        return None not in self.runs and not self.params and not self.data and not changed
+        changed = self.params or self.data or any(figure.changed for figure in self.figures)
+        return not changed and a.status == b.status == "FINISHED"
 
     @property
     def headline(self) -> Figure | None:
@@ -141,12 +143,14 @@ def _metrics(run: StageRun | None) -> dict[str, float]:
 
 
 def _with_items(history: History, figure: Figure, a: StageRun | None, b: StageRun | None) -> Figure:
-    """Pair a figure where both runs kept the values of the same held-out items."""
+    """Pair a figure where both runs kept the values of the same held-out items; else say why not."""
     mark = f"items.{figure.name}"
-    if a is None or b is None or not figure.changed or mark not in a.tags or a.tags[mark] != b.tags.get(mark):
+    if a is None or b is None or not figure.changed or mark not in a.tags or mark not in b.tags:
         return figure
     if a.inputs != b.inputs:  # items of one name may differ between data sets
-        return figure
+        return replace(figure, not_paired="the runs read different data, so that held-out items are not paired")
+    if a.tags[mark] != b.tags[mark]:
+        return replace(figure, not_paired="the held-out items differ")
     return paired(figure, history.items(a, figure.name), history.items(b, figure.name), 0)
 
 

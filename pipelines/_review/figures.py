@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -45,6 +45,9 @@ class Figure:
     """B − A over the same held-out items, with a 95 % bootstrap interval."""
     items: int
     """Number of paired items."""
+    not_paired: str = ""
+    """Why the values of the held-out items that both runs recorded are not paired; empty where they are, or are not
+    recorded."""
 
     @property
     def changed(self) -> bool:
@@ -71,7 +74,7 @@ class Figure:
             return "in one run only"
         better = f"{self.better} is better" if self.better else "differs"
         if self.beyond_luck is None:
-            return f"{better}; no interval recorded, so luck is not ruled out"
+            return f"{better}; {self.not_paired or 'no interval recorded'}, so luck is not ruled out"
         if self.paired is not None:
             by = f"B − A = {self.paired.value:+.3g} [{self.paired.low:+.3g}, {self.paired.high:+.3g}]"
             luck = "beyond luck" if self.beyond_luck else "may be luck"
@@ -94,11 +97,13 @@ def figures(a: Mapping[str, float], b: Mapping[str, float]) -> list[Figure]:
 
 
 def paired(figure: Figure, a: Sequence[float], b: Sequence[float], seed: int) -> Figure:
-    """Return the figure with its paired difference over the same items; unchanged where there are too few."""
+    """Return the figure with its paired difference over the same items, or with the reason why there is none."""
     if len(a) != len(b) or len(a) < _MIN_ITEMS:
-        return figure
+        fewest = min(len(a), len(b))
+        too_few = f"an interval needs {_MIN_ITEMS} held-out items and there {'is' if fewest == 1 else 'are'} {fewest}"
+        return replace(figure, not_paired=too_few if fewest < _MIN_ITEMS else "the numbers of held-out items differ")
     estimate = difference(np.asarray(b), np.asarray(a), item_resamples(len(a), seed))
-    return Figure(figure.name, figure.values, figure.intervals, figure.better, estimate, len(a))
+    return replace(figure, paired=estimate, items=len(a))
 
 
 def less_is_better(name: str) -> bool | None:

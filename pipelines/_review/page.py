@@ -23,7 +23,7 @@ def text(comparison: Comparison) -> str:
     lines = [f"{letter}  {side.title}  ({_description(side)})" for letter, side in sides]
     lines += ["", *changes(comparison), ""]
     for stage in comparison.changed:
-        lines.append(f"{stage.name}: {_verdict(stage)}")
+        lines.append(f"{stage.name}: {_verdict(stage, comparison.sides)}")
         lines += [f"    {name}: {a} -> {b}" for name, (a, b) in [*stage.params.items()][:_MAX_NAMES]]
         if stage.headline is not None and stage.headline.changed:
             a, b = (_with_interval(stage.headline, side) for side in (0, 1))
@@ -44,19 +44,19 @@ def page(comparison: Comparison) -> str:
         "comparison.html",
         sides=[{"title": side.title, "description": _description(side)} for side in comparison.sides],
         changes=changes(comparison),
-        stages=[_stage(stage) for stage in comparison.changed],
+        stages=[_stage(stage, comparison.sides) for stage in comparison.changed],
         same=[stage.name for stage in comparison.stages if stage.same],
         origins=list(comparison.origins.items()),
     )
 
 
-def _stage(stage: StageDifference) -> dict[str, Any]:
+def _stage(stage: StageDifference, sides: tuple[Side, Side]) -> dict[str, Any]:
     """The values of a stage's section of the page."""
     headline = stage.headline
     return {
         "name": stage.name,
         "anchor": re.sub(r"[^a-z0-9]+", "-", stage.name.lower()),
-        "verdict": _verdict(stage),
+        "verdict": _verdict(stage, sides),
         "class": "" if headline is None else _class(headline),
         "headline": None if headline is None else _figure(headline),
         "runs": [run.id[:8] if run else "none" for run in stage.runs],
@@ -158,8 +158,13 @@ def changes(comparison: Comparison) -> list[str]:
     return [_listed(params, "parameter", "differ"), _listed(data, "folder of data or models", "differ"), code]
 
 
-def _verdict(stage: StageDifference) -> str:
+def _verdict(stage: StageDifference, sides: tuple[Side, Side]) -> str:
     """The result for the stage's main figure, or the number of figures that differ."""
+    for letter, side, run in zip("AB", sides, stage.runs, strict=True):
+        if run is None and side.status != "FINISHED":
+            return f"not reached in {letter}"
+        if run is not None and run.status != "FINISHED":
+            return f"did not finish in {letter} ({run.status.lower()})"
     a, b = stage.runs
     if a is None or b is None:
         return f"only in {'A' if b is None else 'B'}"

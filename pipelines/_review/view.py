@@ -12,10 +12,11 @@ from typing import Any
 
 from mlflow import MlflowClient
 
-from pipelines._tracking.families import HEADLINES
+from pipelines._tracking.families import HEADLINES, experiment_tags
 
 KEY = "main_figures"
 _TAG = f"mlflow.sharedViewState.{KEY}"
+_NOTE = "mlflow.note.content"
 _COMPRESSED = "deflate;"
 _SECTION = "main_figures"
 _RUNS = 10  # whose bars a chart shows
@@ -27,10 +28,18 @@ def address_of(experiment: str) -> str:
 
 
 def share_view(client: MlflowClient, experiment: str, metrics: Iterable[str]) -> None:
-    """Let `address_of(experiment)` show the main figures among the `metrics` of its executions."""
+    """Let `address_of(experiment)` show the main figures among the `metrics` of its executions.
+
+    The experiment's description has the address as a link, except where a person wrote the description.
+    """
     state = json.dumps(view_of(metrics), sort_keys=True)
     packed = base64.b64encode(zlib.compress(state.encode(), 9)).decode()
     client.set_experiment_tag(experiment, _TAG, f"{_COMPRESSED}{packed}")
+    stored = client.get_experiment(experiment)
+    written = experiment_tags(stored.name)[_NOTE]
+    if stored.tags.get(_NOTE) == written:  # what a person wrote stays
+        link = f"[Executions with their main figures]({address_of(experiment)})"
+        client.set_experiment_tag(experiment, _NOTE, f"{written}\n\n{link}")
 
 
 def view_of(metrics: Iterable[str]) -> dict[str, Any]:

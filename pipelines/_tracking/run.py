@@ -39,6 +39,7 @@ from pipelines._tracking.store import (
     experiment_id,
     group_tags,
     open_store,
+    profile_name,
     store_errors,
 )
 from pipelines._tracking.timings import write_timing
@@ -310,7 +311,7 @@ def _tags(stage: str, item: str | None) -> dict[str, str]:
         "family": family_of(stage),
         "stage": stage,
         "item": item or "",
-        "profile": os.environ.get("PENTIMENTO_PROFILE", "default"),
+        "profile": profile_name(),
         "dvc_experiment": os.environ.get("DVC_EXP_NAME", ""),
         "mlflow.source.name": f"pipelines/{stage}.py",
         "mlflow.source.git.commit": code["commit"],

@@ -7,6 +7,7 @@ environment; in `dvc exp run` it is the DVC experiment; a bare `dvc repro` has n
 """
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +31,8 @@ _SERVERS = ("http://", "https://")
 _DATABASES = (_SQLITE, "postgresql", "mysql", "mssql")
 _TEMPORARY = Path(".dvc/tmp/exps")
 """Where DVC runs queued experiments, in temporary copies of the repository."""
+_PROFILES = ".profiles"
+"""Where profiles run, in copies of the repository that are named for them; `.seed<k>` follows in a group of seeds."""
 
 
 @contextmanager
@@ -111,6 +114,13 @@ def execution_name() -> str:
     return name.replace("'", "")  # which MLflow's queries cannot hold
 
 
+def profile_name() -> str:
+    """Return the profile of this process: what `make repro` set, else that of the copy in which it works."""
+    folder = Path.cwd()
+    copied = re.sub(r"\.seed\d+$", "", folder.name) if folder.parent.name == _PROFILES else "default"
+    return os.environ.get("PENTIMENTO_PROFILE") or copied
+
+
 def group_tags() -> dict[str, str]:
     """Return the tags of this process's group of seeds; empty where it belongs to none."""
     values = {"group": os.environ.get(GROUP_VARIABLE, ""), "seed": os.environ.get(SEED_VARIABLE, "")}
@@ -140,6 +150,8 @@ def _settings() -> None:
 
 def _repository(folder: Path) -> Path:
     """Return the repository to whose history runs in `folder` belong."""
+    if folder.parent.name == _PROFILES:
+        return folder.parent.parent
     for above in folder.parents:
         if folder.is_relative_to(above / _TEMPORARY):
             return above

@@ -8,12 +8,16 @@ import pytest
 
 from pentimento.contracts.errors import PentimentoError
 from pipelines import compare
-from pipelines._review.agreement import check
-from pipelines._review.history import Execution, History
+from pipelines._dvc import run_dvc
+from pipelines._review.agreement import altered, check
+from pipelines._review.comparison import Comparison, Side, StageDifference
+from pipelines._review.history import Execution, History, StageRun
+from pipelines._review.page import text
 from pipelines._tracking.store import open_store, store_errors
 from pipelines.compare import last_two
 from tests.pipelines.conftest import Enter
 from tests.pipelines.history import digest_of, execute, repository
+from tests.pipelines.test_side_by_side import pipeline
 
 BOTH = ("train_stroke_dynamics", "paint")
 
@@ -33,11 +37,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory, enter: Enter) -> Iterator[P
 
 
 def ask(
-    *runs: str, last: int | None = None, stage: str | None = None, check: bool = False, seeds: bool = False
+    *runs: str,
+    last: int | None = None,
+    stage: str | None = None,
+    check: bool = False,
+    seeds: bool = False,
+    profile: str = "default",
 ) -> None:
     compare.main(
         argparse.Namespace(
-            runs=runs, last=last, stage=stage, check=check, seeds=seeds, profile="default", out=Path("data/comparisons")
+            runs=runs, last=last, stage=stage, check=check, seeds=seeds, profile=profile, out=Path("data/comparisons")
         )
     )
 
@@ -92,11 +101,13 @@ def test_single_runs_are_compared_by_the_first_letters_of_their_ids(
 @pytest.mark.parametrize(
     ("runs", "options", "sentence"),
     [
-        (("first",), {}, "1 runs are named and two are compared"),
+        (("first",), {}, "Two runs are compared and the command names 1;"),
         (("first", "nothing"), {}, "No run or execution is called 'nothing'.*'third', 'second', 'first'"),
         (("first", "train_stroke_dynamics · marker"), {}, "may be any of 3 runs"),
         (("first",), {"last": 2}, "--last takes the number 2 and no other runs"),
-        ((), {"last": 2, "stage": "paint"}, "There are 1 finished runs of paint"),
+        ((), {"last": 2, "stage": "paint"}, "Two finished runs of paint are compared and MLflow's store has 1;"),
+        ((), {"last": 2, "stage": "train_stroke_dynamics@markr"}, "it has runs of train_stroke_dynamics@marker."),
+        ((), {"last": 2, "stage": "pain"}, "no run of 'pain'; it has runs of paint."),
     ],
 )
 def test_what_cannot_be_compared_is_one_sentence(
@@ -129,6 +140,8 @@ def test_executions_are_parents_that_carry_the_main_figures_and_what_stood(folde
 def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    files: list[str] = []  # this dvc.lock is too short for DVC itself
+    monkeypatch.setattr(compare, "altered", lambda _folder: files)
     ask(check=True)
     assert capsys.readouterr().out == "MLflow and dvc.lock agree on all 2 stage items.\n"
     lock = Path("dvc.lock").read_text()
@@ -143,8 +156,10 @@ def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
             Path("dvc.lock").write_text(lock.replace(old, new))
             agreeing, (said,) = check(folder, "default")
             assert agreeing == 1 and said.startswith("train_stroke_dynamics@marker: ") and sentence in said
-        with pytest.raises(PentimentoError, match="disagree on 1 of 2 stage items"):
+        files.append("paint: data/paintings is not what dvc.lock has.")
+        with pytest.raises(PentimentoError, match=r"disagree on 1 of 2 stage items.* Files of 1 of the stage items"):
             ask(check=True)
+        assert capsys.readouterr().out.endswith(f"{files[0]}\n")
     finally:
         Path("dvc.lock").write_text(lock)
 
@@ -159,6 +174,36 @@ def test_results_that_dvc_brought_back_agree_with_the_earlier_run(folder: Path) 
         Path("dvc.lock").write_text(lock)
 
 
+def test_an_altered_file_is_named(tmp_path: Path) -> None:
+    folder = pipeline(tmp_path, "  one: {cmd: mkdir m && touch m/weights m/rows s, outs: [m, s]}")
+    assert run_dvc(["repro", "--quiet"], folder) == 0
+    assert altered(folder) == []
+    (folder / "m/weights").unlink()
+    (folder / "m/weights").write_text("other")
+    (folder / "s").unlink()
+    assert altered(folder) == ["one: m is not what dvc.lock has (m/weights modified); s is not what dvc.lock has."]
+    (folder / "dvc.yaml").write_text("stages: [")
+    with pytest.raises(PentimentoError, match="DVC cannot compare the files"):
+        altered(folder)
+
+
+def test_a_stage_that_an_interrupted_execution_did_not_reach_is_not_called_the_same() -> None:
+    def run(id_: str, status: str) -> StageRun:
+        return StageRun(id_, "paint", "", status, 0, {}, {}, {}, {}, {})
+
+    def words(b: StageRun | None) -> str:
+        sides = [Side(name, 0, status, "", False, "", {}) for name, status in (("A", "FINISHED"), ("B", "KILLED"))]
+        runs = (run("1", "FINISHED"), b)
+        stage = StageDifference("paint", runs, {}, {}, (), (None, None), ({}, {}))
+        return text(Comparison((sides[0], sides[1]), (stage,)))
+
+    assert "paint: not reached in B" in words(None)
+    assert "paint: did not finish in B (killed)" in words(run("2", "KILLED"))
+    assert "The same in both: paint." in words(run("2", "FINISHED"))
+
+
 def test_a_stage_that_never_ran_is_missing(folder: Path) -> None:
+    with pytest.raises(PentimentoError, match=r"smoke has no dvc.lock.* another profile: `--profile default`"):
+        ask(check=True, profile="smoke")
     agreeing, said = check(folder, "smoke")
     assert agreeing == 0 and len(said) == 2 and all("MLflow has no finished run of it" in each for each in said)

@@ -84,5 +84,7 @@ def test_pairing_sees_what_overlapping_intervals_hide_and_nothing_where_nothing_
 
 def test_too_few_items_or_other_ones_are_not_paired() -> None:
     figure = only({"x.mse": 1.0}, {"x.mse": 2.0})
-    assert paired(figure, [1.0] * 5, [2.0] * 5, 0) is figure
-    assert paired(figure, [1.0] * 8, [2.0] * 7, 0) is figure
+    few = paired(figure, [1.0] * 5, [2.0] * 5, 0)
+    assert few.paired is None and few.beyond_luck is None
+    assert "an interval needs 6 held-out items and there are 5, so luck is not ruled out" in few.sentence
+    assert "the numbers of held-out items differ" in paired(figure, [1.0] * 8, [2.0] * 7, 0).sentence

@@ -161,6 +161,11 @@ def test_a_group_of_runs_leaves_the_working_tree_as_it_is(tmp_path: Path, monkey
 
 
 def test_what_is_no_number_of_seeds_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in (["5"], ["1", "train"], ["many", "train"], []):
+    for arguments, sentence in (
+        (["5"], "make repro SEEDS=5 STAGE="),
+        ([], "make repro SEEDS=5 STAGE="),
+        (["1", "train"], "make repro: SEEDS=1 is no group of seeds; give a whole number from 2 on."),
+        (["many", "train"], "make repro: SEEDS=many is no group of seeds"),
+    ):
         assert _seeds.main(arguments) == 2
-        assert "make repro SEEDS=5 STAGE=" in capsys.readouterr().err
+        assert sentence in capsys.readouterr().err

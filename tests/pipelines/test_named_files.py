@@ -11,6 +11,7 @@ from pipelines._imports import ROOT
 from pipelines._params import read_yaml
 from pipelines._progress_views import View
 from pipelines._repro import main, overlay
+from pipelines._side_by_side import Outcome
 from pipelines._tracking.dvc_files import outputs
 from pipelines._tracking.run import _warn_of_unnoticed_files
 
@@ -92,9 +93,9 @@ def test_make_repro_names_files_before_dvc_looks(
 ) -> None:
     seen: list[list[str]] = []
 
-    def looked(folder: Path, _view: View) -> int:
+    def looked(folder: Path, _view: View, _targets: list[str]) -> Outcome:
         seen.append(dependencies("collect"))
-        return 1
+        return Outcome(1, frozenset())
 
     monkeypatch.setattr("pipelines._repro.bring_up_to_date", looked)
     monkeypatch.setattr("pipelines._repro.link", lambda *_: None)
@@ -104,7 +105,7 @@ def test_make_repro_names_files_before_dvc_looks(
     assert main([]) == 1 and "data/mine" in seen[0]
     assert "as dependencies" in capsys.readouterr().out
     (project / "dvc.yaml").write_text("stages: [")  # which DVC reports
-    monkeypatch.setattr("pipelines._repro.bring_up_to_date", lambda folder, view: 1)
+    monkeypatch.setattr("pipelines._repro.bring_up_to_date", lambda *_: Outcome(1, frozenset()))
     assert main([]) == 1
 
 

@@ -142,7 +142,7 @@ def folder(tmp_path: Path) -> Path:
 def test_machines_read_every_change_of_state_and_why_a_stage_failed(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert bring_up_to_date(folder, JsonLines()) != 0
+    assert bring_up_to_date(folder, JsonLines()).status != 0
     events = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
     states = [(each["stage"], each["state"]) for each in events if each["event"] == "stage"]
     assert states[:3] == [("one", "running"), ("aside", "running"), ("two", "waiting")]
@@ -161,14 +161,14 @@ def test_machines_read_every_change_of_state_and_why_a_stage_failed(
 def test_what_is_up_to_date_is_unchanged(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     first, second = "stages:\n  one: {cmd: touch out, outs: [out]}\n", "  two: {cmd: touch late, outs: [late]}\n"
     (folder / "dvc.yaml").write_text(first)
-    assert bring_up_to_date(folder, PlainLines()) == 0
+    assert bring_up_to_date(folder, PlainLines()).status == 0
     (folder / "dvc.yaml").write_text(first + second)
     capfd.readouterr()
-    assert bring_up_to_date(folder, JsonLines()) == 0
+    assert bring_up_to_date(folder, JsonLines()).status == 0
     events = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
     states = [(each["stage"], each["state"]) for each in events if each["event"] == "stage"]
     assert states == [("two", "running"), ("one", "unchanged"), ("two", "done")]
-    assert bring_up_to_date(folder, JsonLines()) == 0
+    assert bring_up_to_date(folder, JsonLines()).status == 0
     assert json.loads(capfd.readouterr().out) == {"event": "note", "sentence": "Data and pipelines are up to date."}
 
 

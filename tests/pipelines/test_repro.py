@@ -8,6 +8,7 @@ from pentimento.contracts.errors import ConfigError, PentimentoError
 from pipelines._params import merge, read_yaml
 from pipelines._progress_views import View
 from pipelines._repro import main, overlay, restore_missing
+from pipelines._side_by_side import Outcome
 from pipelines._tracking.store import VARIABLE
 
 SOURCE = Path("profiles/smoke.yaml")
@@ -142,14 +143,14 @@ def test_an_execution_is_named_for_its_stages_and_closed(
 ) -> None:
     """Where nothing was out of date there is nothing to close, and MLflow is not even opened."""
     named: list[str] = []
-    ended: list[tuple[Path, str, str]] = []
+    ended: list[tuple[Path, str, str, frozenset[str]]] = []
 
-    def dvc(folder: Path, _view: View) -> int:
+    def dvc(folder: Path, _view: View, _targets: list[str]) -> Outcome:
         named.append(os.environ[VARIABLE])
         if ran:
             (folder / "data/timings").mkdir(parents=True, exist_ok=True)
             (folder / "data/timings/paint.json").write_text("{}")
-        return status
+        return Outcome(status, frozenset({"report"}) if status else frozenset())
 
     monkeypatch.chdir(repository)
     for name in ("MLFLOW_TRACKING_URI", "PENTIMENTO_PROFILE", VARIABLE):
@@ -158,4 +159,5 @@ def test_an_execution_is_named_for_its_stages_and_closed(
     monkeypatch.setattr("pipelines._repro.link", lambda *told: ended.append(told) or {})
     assert main(["smoke"]) == status
     assert named[0].startswith("smoke · 20")
-    assert ended == ([(repository / ".profiles/smoke", named[0], closed)] if closed else [])
+    unfinished = {"report"} if status else set()
+    assert ended == ([(repository / ".profiles/smoke", named[0], closed, unfinished)] if closed else [])

@@ -171,12 +171,15 @@ def test_is_it_luck_is_one_command(
 
 def test_a_link_opens_on_the_main_figures(server: str, tab: Browser, screenshots: Path) -> None:
     """As columns of the table; and as a chart, in a section of their own. In a browser that never saw MLflow."""
-    address = f"{server}/{address_of(_strokes(server))}"
+    experiment = _strokes(server)
+    address = f"{server}/{address_of(experiment)}"
     tab.goto(address)
     for name in ("held_out.model.mse", "held_out.polyline.mse"):
         tab.wait(_seen(f"train_stroke_dynamics/marker/{name}"), 30)
     tab.wait(_seen("before"))
     tab.screenshot(screenshots / "main_figures.png")
+    linked = f"[...document.querySelectorAll('a')].some(a => a.getAttribute('href') === {address_of(experiment)!r})"
+    tab.wait(linked, 30)  # in the experiment's description
     tab.goto(f"{address}&compareRunsMode=CHART")
     tab.wait(_seen("Main figures"), 30)
     tab.screenshot(screenshots / "main_charts.png")

@@ -14,7 +14,7 @@ from pentimento.contracts.images import write_png
 from pipelines._tracking import input_digest, tracked_run
 from pipelines._tracking.dvc_files import value_digest
 from pipelines._tracking.families import experiment_of
-from pipelines._tracking.store import store_errors
+from pipelines._tracking.store import profile_name, store_errors
 
 PARAMS: dict[str, Any] = {"strokes": 3, "rate": 1e-3, "press": {"depth_m": 0.002}}
 
@@ -137,6 +137,23 @@ def test_a_queued_experiment_is_kept_in_the_repository_and_not_in_its_copy(
     del os.environ["MLFLOW_TRACKING_URI"]
     with store_errors():
         assert os.environ["MLFLOW_TRACKING_URI"] == f"sqlite:///{tmp_path / 'mlflow.db'}"
+
+
+def test_a_bare_repro_in_a_profiles_copy_is_in_the_repositorys_store_under_the_profiles_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "to be restored afterwards")
+    monkeypatch.delenv("PENTIMENTO_PROFILE", raising=False)
+    for copy, profile in ((".profiles/smoke", "smoke"), (".profiles/smoke.seed2", "smoke"), ("clone", "default")):
+        (tmp_path / copy).mkdir(parents=True)
+        monkeypatch.chdir(tmp_path / copy)
+        del os.environ["MLFLOW_TRACKING_URI"]
+        root = tmp_path / "clone" if copy == "clone" else tmp_path
+        with store_errors():
+            assert os.environ["MLFLOW_TRACKING_URI"] == f"sqlite:///{root / 'mlflow.db'}"
+        assert profile_name() == profile
+    monkeypatch.setenv("PENTIMENTO_PROFILE", "full")
+    assert profile_name() == "full"
 
 
 def test_a_failed_run_says_why_and_is_not_continued(client: Any) -> None:
