@@ -106,7 +106,7 @@ def test_pictures_are_found_by_the_times_in_the_table(tmp_path: Path) -> None:
     first = np.cumsum([0, *LENGTHS])[:-1] / FPS
     change_column(folder / EPISODES, f"videos/{CAMERA}/from_timestamp", pa.array(first - [0, 1 / FPS, 0]))
     imported = import_lerobot(folder, DESCRIPTION, tmp_path / "out")
-    assert imported == (2, {"its first picture in the video is one of another episode": ["1"]})
+    assert imported[:2] == (2, {"its first picture in the video is one of another episode": ["1"]})
     late = 4 / FPS
     data_column("timestamp", lambda v: [value + late for value in v])(folder)
     change_column(folder / EPISODES, f"videos/{CAMERA}/from_timestamp", pa.array(first - late))
@@ -368,7 +368,7 @@ def test_refuses_modified_rows_of_an_exported_dataset(tmp_path: Path) -> None:
         return tmp_path / "set"
 
     imported = import_lerobot(changed("pentimento_picture/width", pa.array([80, 0, 81])), None, tmp_path / "out")
-    assert imported == (1, {"its pictures are smaller than the exported ones": ["1", "2"]})
+    assert imported[:2] == (1, {"its pictures are smaller than the exported ones": ["1", "2"]})
     with pytest.raises(ContractError, match="column 'path' is string"):
         import_lerobot(changed("pentimento/path", pa.array(["a", "b", "c"])), None, tmp_path / "none")
     with pytest.raises(ContractError, match="tool is null"):
