@@ -39,7 +39,8 @@ def share_view(client: MlflowClient, experiment: str, metrics: Iterable[str]) ->
     written = experiment_tags(stored.name)[_NOTE]
     if stored.tags.get(_NOTE) == written:  # what a person wrote stays
         link = f"[Executions with their main figures]({address_of(experiment)})"
-        client.set_experiment_tag(experiment, _NOTE, f"{written}\n\n{link}")
+        first, _, rest = written.partition("\n\n")  # of a folded description, MLflow shows the first paragraph
+        client.set_experiment_tag(experiment, _NOTE, f"{first} {link}.\n\n{rest}")
 
 
 def view_of(metrics: Iterable[str]) -> dict[str, Any]:
