@@ -40,8 +40,8 @@ class PushFacts:
     deepest_m: float
     """Maximum depth in the training set."""
     members: int
-    """Networks of the ensemble, which differ in their random initialisation. Their mean is the prediction, their spread
-    its uncertainty."""
+    """Networks of the ensemble, which differ in their last layer. Their mean is the prediction, their spread its
+    uncertainty (``last_layers``)."""
 
 
 class PushModel(torch.nn.Module):
