@@ -36,7 +36,7 @@ from pentimento.planning.pushes.memory import PushMemory
 from pentimento.planning.pushes.places import FILE as PLACES
 from pentimento.planning.pushes.places import read_place_model
 from pentimento.planning.pushes.plan import PushPlan
-from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
+from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel, Unexplained
 from pentimento.planning.pushes.scales import plan_for_scan
 from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
@@ -149,12 +149,13 @@ def main(arguments: argparse.Namespace) -> None:
             fit = _goal(wanted, height, setting, robot)
             predicted = _predicted(
                 height, fit, members, grid=grid, end_effector=end_effector, robot=robot, sculpting=sculpting,
-                number=number, memory=PushMemory(executed, {}),
+                number=number, memory=PushMemory(executed, {}), unexplained=model.facts.unexplained,
             )  # fmt: skip
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=grid,
                 config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
                 item=number, log=run.log_under(name), earlier=executed, placer=placer,
+                unexplained=model.facts.unexplained,
             )  # fmt: skip
             _pictures(folder, window_m, fit, predicted, sculpture)
             rows += sculpture.rows
@@ -217,10 +218,13 @@ def _predicted(
     sculpting: SculptingSettings,
     number: int,
     memory: PushMemory,
+    unexplained: Unexplained | None,
 ) -> PushPlan:
     """Plan all actions at once from the candidates alone, without execution in between."""
     objective = ClayObjective(fit.height_m, members[0].window_m, sculpting.planner.weights)
-    foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight, memory=memory)
+    foresight = EnsembleRollout(
+        members, objective, sculpting.planner.disagreement_weight, memory=memory, unexplained=unexplained
+    )
     reach = reach_for(end_effector, robot.area_m, sculpting.planner.edge_m)
     whole = replace(sculpting.planner, horizon=sculpting.actions, rounds=0, refine="none")
     return plan_for_scan(height, foresight, reach, grid=grid, config=whole, count=sculpting.actions, item=(number, 0))

@@ -46,12 +46,11 @@ from pentimento.dynamics.pushes.uncertainty import (
     pixels_of,
 )
 from pentimento.goals3d.sources import relief_of
-from pentimento.planning.objectives import ClayObjective, Weights
+from pentimento.planning.objectives import ClayObjective, Weights, weights_for_scans
 from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.goal import fit_goal
 from pentimento.planning.pushes.plan import plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, Unexplained
-from pentimento.planning.slopes import scan_noise_m, slope_scale_m
 from studies.sculpting.clay import Settings, robot_with, settings
 from studies.sculpting.noise import AT_ONE
 from studies.sculpting.places import PIXELS, coarse
@@ -71,8 +70,6 @@ LEVELS, DRAWS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0), 6
 SHAKEN = 48
 """Pushes from which the share is estimated that noise leaves unexplained."""
 SCAN_NOISE_M = (0.0, 0.0001, 0.0002, 0.0004)
-TOLERATED = 0.05
-"""Share of the visual error before the first push that noise may add to slopes at the chosen scale."""
 ERRORS = ("error_3d_mm2", "visual_error", "value")
 PARTS = ("intervals", "sculptures", "actions", "scans")
 
@@ -124,7 +121,7 @@ def main(arguments: argparse.Namespace) -> None:
     made: dict[str, Callable[[Bench, Sequence[int]], Any]] = {
         "intervals": intervals_of, "sculptures": sculptures, "actions": noisy_actions, "scans": noisy_scans,
     }  # fmt: skip
-    said = {"material": arguments.material, "seeds": arguments.seeds, "actions": ACTIONS, "draws": DRAWS}
+    said = {"material": arguments.material, "seeds": arguments.seeds, "pushes": ACTIONS, "draws": DRAWS}
     said |= {part: made[part](bench, arguments.seeds) for part in PARTS if part in arguments.parts}
     file = arguments.out / f"uncertainty_{arguments.material}.json"
     atomic_write(file, (json.dumps(said, indent=1) + "\n").encode())
@@ -180,7 +177,7 @@ def intervals_of(bench: Bench, _seeds: Sequence[int]) -> dict[str, Any]:
                 "width_mm": float(np.mean([2 * fit.half_width_mm(pixels).mean() for pixels in moved])),
                 "score_mm": float(np.mean([_score(fit, pixels) for pixels in moved])),
             }
-        found[name]["unexplained"] = fit_unexplained(model, in_pose(bench.validation, crop))._asdict()
+        found[name]["unexplained"] = vars(fit_unexplained(model, in_pose(bench.validation, crop)))
         print(name, json.dumps(found[name]), flush=True)
     return found
 
@@ -281,18 +278,15 @@ def _on_noisy_scans(bench: Bench, seed: int, noise_m: float) -> dict[str, Any]:
         def scanned(truth: Array, rng: np.random.Generator = rng) -> Array:
             return (truth + noise_m * rng.normal(size=truth.shape)).astype(np.float32)
 
-        weights, scale_m = objective.weights, 0.0
+        weights = objective.weights
         if name != "plain":
-            one, other = scanned(height), scanned(height)
-            noise = scan_noise_m(one, other)
-            before = float(objective.visual_error(one)) - (noise * objective.pixels_per_m) ** 2
-            scale_m = slope_scale_m(noise, objective.pixels_per_m, TOLERATED * before)
-            weights = replace(weights, slope_scale_m=scale_m)
+            two = scanned(height), scanned(height)
+            weights = weights_for_scans(weights, objective.goal_m, WINDOW_M, two)
         planned = ClayObjective(objective.goal_m, WINDOW_M, weights)
         foresight = EnsembleRollout([member], planned, 0.0)
         actions = _planned(height, foresight, reach, config, scanned)
         found[name] = {
-            "scale_m": scale_m, "actions": len(actions),
+            "scale_m": weights.slope_scale_m, "actions": len(actions),
             "errors": _errors(objective, foresight.roll_out(height, actions)[0]),
         }  # fmt: skip
     return found

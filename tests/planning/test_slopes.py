@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pentimento.planning.objectives import ClayObjective, Weights
+from pentimento.planning.objectives import ClayObjective, Weights, weights_for_scans
 from pentimento.planning.pushes.scales import ScanObjective, resampled
 from pentimento.planning.slopes import Slopes, scan_noise_m, slope_scale_m
 
@@ -89,6 +89,27 @@ def test_scan_objective_takes_slopes_at_the_scale_of_the_scan() -> None:
     way = (lower - start).astype(np.float64)
     ends = [float(coarse.values((start + step * way).astype(np.float64))) for step in (-1e-3, 1e-3)]
     assert (ends[1] - ends[0]) / 2e-3 == pytest.approx(float((coarse(start)[1] * way).sum()), rel=1e-3)
+
+
+def test_two_scans_choose_the_scale_at_which_their_noise_hardly_counts() -> None:
+    clay = np.full((64, 64), 0.04, np.float32)
+    goal = clay.copy()
+    goal[20:44, 20:44] -= 0.003
+    window_m, rng = (0.0, 0.0, 0.1, 0.1), np.random.default_rng(7)
+    quiet, loud = (
+        weights_for_scans(
+            Weights(1.0, 4.0), goal, window_m,
+            tuple((clay + noise_m * rng.normal(size=clay.shape)).astype(np.float32) for _ in range(2)),  # type: ignore
+        )
+        for noise_m in (1e-5, 4e-4)
+    )  # fmt: skip
+    assert quiet == Weights(1.0, 4.0)
+    assert (loud.error_3d, loud.visual) == (1.0, 4.0) and loud.slope_scale_m > 1 / 640
+    plain, at_scale = (ClayObjective(clay, window_m, weights) for weights in (quiet, loud))
+    noisy = (clay + 4e-4 * rng.normal(size=clay.shape)).astype(np.float32)
+    error = float(plain.visual_error(goal))
+    assert float(plain.visual_error(noisy)) > 0.5 * error
+    assert float(at_scale.visual_error(noisy)) < 0.08 * error
 
 
 def test_a_scale_rejects_negative_numbers() -> None:

@@ -153,7 +153,7 @@ def run_sculpture(
                 count=commission.actions,
                 # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
                 session=Session(f"sculpture-{commission.material}-{commission.seed}", 0.0), item=0,
-                record=lambda row: write_push(folder / RECORD, row), placer=placer,
+                record=lambda row: write_push(folder / RECORD, row), placer=placer, unexplained=facts.unexplained,
             )  # fmt: skip
             return _sculpt(sculptor, folder, saved, sessions, control=control, progress=progress)
         finally:

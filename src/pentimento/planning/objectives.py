@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.frames import Window, pixels_per_m
 from pentimento.contracts.ranges import at_least
-from pentimento.planning.slopes import Slopes
+from pentimento.planning.slopes import Slopes, scan_noise_m, slope_scale_m
 from pentimento.render.reconstruction_loss import seen, squared_error, srgb_of
 
 Array = NDArray[np.float32]
@@ -216,6 +216,23 @@ class ClayObjective:
             right, up = self.slopes.of(difference)
             gradient = gradient + 2 * self.weights.visual * self.slopes.back(right / right.size, up / up.size)
         return float(self.values(height_m)), gradient
+
+
+NOISE_SHARE = 0.05
+"""Share of the visual error before the first action that noise of scans may add to it."""
+
+
+def weights_for_scans(weights: Weights, goal_m: Array, window_m: Window, scans_m: tuple[Array, Array]) -> Weights:
+    """The weights with the scale of slopes that two scans [H, W] of the same clay ask for.
+
+    Their difference is the scanner's noise. At that scale it adds no more than ``NOISE_SHARE`` of the visual error
+    between clay and goal [H, W]. Where it adds less to slopes of neighbouring pixels, these are taken.
+    """
+    objective = ClayObjective(goal_m, window_m, replace(weights, slope_scale_m=0.0))
+    noise_m = scan_noise_m(*scans_m)
+    seen = float(np.mean([objective.visual_error(scan) for scan in scans_m]))
+    error = max(seen - (noise_m * objective.pixels_per_m) ** 2, NOISE_SHARE * seen)
+    return replace(weights, slope_scale_m=slope_scale_m(noise_m, objective.pixels_per_m, NOISE_SHARE * error))
 
 
 def changed_windows(change: Array) -> list[tuple[slice, slice] | None]:

@@ -8,12 +8,13 @@ closing), depth_m, float64 [5], as in the ``pushes`` contract.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pentimento.contracts.ranges import at_least
 from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.memory import FRESH, PushMemory
 
@@ -45,7 +46,8 @@ class PushModel(Protocol):
         takes the memory as given."""
 
 
-class Unexplained(NamedTuple):
+@dataclass(frozen=True)
+class Unexplained:
     """What a push model leaves of pushes that it has not seen, as shares of a push's effect: the energy of the residual
     over that of the change. Fitted by ``dynamics.pushes.uncertainty``."""
 
@@ -53,6 +55,9 @@ class Unexplained(NamedTuple):
     """Of heights: ‖residual‖² over ‖change‖²."""
     slope: float
     """Of slopes: ‖∇ residual‖² over ‖∇ change‖²."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 0, "height", "slope")
 
 
 class EnsembleRollout:

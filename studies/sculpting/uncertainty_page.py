@@ -1,0 +1,167 @@
+"""The sections of docs/sculpting.md on uncertainty, from what `uncertainty` wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from pentimento.report.wording import decimal, percent
+from studies.sculpting.uncertainty import ERRORS, summary
+
+_MODELS = {
+    "one": "one network", "three": "three last layers on one network", "apart": "three networks trained apart"
+}  # fmt: skip
+
+
+def sections(said: dict[str, Any]) -> str:
+    """All that was measured of one material."""
+    made = {"intervals": _intervals, "sculptures": _sculptures, "actions": _actions, "scans": _scans}
+    return "\n".join(write(said) for part, write in made.items() if part in said)
+
+
+def _intervals(said: dict[str, Any]) -> str:
+    lines = []
+    for name, found in said["intervals"].items():
+        fitted, one = found["as fitted"], found["of one width"]
+        lines.append(
+            f"| {_MODELS[name]} | {_range(fitted['coverage'])} | {_range(fitted['coverage_where_it_moved'])} | "
+            f"{decimal(fitted['width_mm'])} mm | {decimal(fitted['score_mm'])} mm | {_range(one['coverage'])} | "
+            f"{decimal(one['score_mm'])} mm | {percent(found['spread_alone'])} | "
+            f"{percent(found['spread_mm2'] / found['residual_mm2'])} |"
+        )
+    return f"""
+## What push models know of their errors
+
+Intervals of the change of height of each pixel that are to contain 90 % of what is seen, in {said["material"]}. Their
+variance has four terms: the members' spread, noise of the scans, and shares of the change and of its slope
+(`dynamics/pushes/uncertainty.py`); the factors and the width are fitted to pushes that the networks were not trained
+on. The table is of pushes of other seeds (another slab, other actions), where the model expects 0.2 mm of change or
+more, and where 0.2 mm were seen. *Score* is the mean interval score (Gneiting & Raftery 2007), lower is better; *one
+width* are intervals as wide everywhere; the last columns are the coverage of the spread alone, and its share of the
+squared residual.
+
+| model | coverage | where it moved | width | score | coverage, one width | score | coverage, spread alone | spread |
+|---|---|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+"""
+
+
+def _sculptures(said: dict[str, Any]) -> str:
+    runs = said["sculptures"]
+    worst = "worst tenth"
+    arms = list(dict.fromkeys(run["arm"] for run in runs))
+    left = {
+        key: {arm: np.array([run[key][1] / run[key][0] for run in runs if run["arm"] == arm]) for arm in arms}
+        for key in ERRORS
+    }
+    lines = []
+    for arm in arms:
+        cells = []
+        for key in ("error_3d_mm2", "visual_error"):
+            shares = summary(left[key][arm].tolist())
+            cells += [percent(shares["mean"]), percent(shares["worst_tenth"])]
+        gain = left["value"][arms[0]] - left["value"][arm]
+        actions = float(np.mean([run["actions"] for run in runs if run["arm"] == arm]))
+        shares = summary(left["value"][arm].tolist())
+        cells += [percent(shares["mean"]), percent(shares["worst_tenth"])]
+        cells += ["-" if arm == arms[0] else _interval(gain), decimal(actions)]
+        lines.append(f"| {arm} | {' | '.join(cells)} |")
+    goals, seeds = (sorted({run[key] for run in runs}) for key in ("goal", "seed"))
+    return f"""
+## What caution gains
+
+{len(goals)} goals ({", ".join(goals)}) on {len(seeds)} slabs of {said["material"]} in the studio, at most
+{said["pushes"]} pushes each. What is left of the error in height, in slope, and of the planner's objective, as a
+share of that before, mean of all {len(goals) * len(seeds)} runs and of the worst tenth; the gain is that of the
+objective over one network without caution, paired by goal and slab, with its 95 % interval (Student's t). *Spread*
+plans with the variance of the three members, *unexplained* with the share of each push that the model leaves, both
+with a weight of 1: the expected objective.
+
+| plan | height | {worst} | slope | {worst} | objective | {worst} | gain | pushes |
+|---|---|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+"""
+
+
+def _actions(said: dict[str, Any]) -> str:
+    runs = said["actions"]
+    arms = [name for name in runs[0] if isinstance(runs[0][name], dict) and name != "nothing"]
+    levels = sorted({run["level"] for run in runs})
+    noise = [float(np.mean([run["plain"]["noise_mm2"] for run in runs if run["level"] == level])) for level in levels]
+    measures = ("visual_error", "visual_error_at_4_mm", "error_3d_mm2")
+    lines = []
+    for arm in arms:
+        cells = []
+        for measure in measures:
+            shares = [
+                float(
+                    np.mean(
+                        [run[arm]["errors"][measure] / run["nothing"][measure] for run in runs if run["level"] == level]
+                    )
+                )
+                for level in levels
+            ]
+            cells += [percent(shares[0]), crossing(noise, shares)]
+        lines.append(f"| {arm} | {' | '.join(cells)} |")
+    return f"""
+## Noise of actions that the plan knows of (thesis 7.5.2)
+
+As above, at {said["draws"]} draws a level, on slabs and goals of len({run["seed"] for run in runs})} seeds. Plans by
+slopes of neighbouring pixels (*plain*), by slopes at a scale, and by plans that know the noise: pushes are tried in
+the model with and without it, and the share of their energy in height and slope that differs is a cost of each push.
+For each error: what is left without noise, and the noise from which on acting is worse than not acting. Noise is that
+of one action of the plain plan, mm².
+
+| plan | slope | worse from | slope at 4 mm | worse from | height | worse from |
+|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+"""
+
+
+def _scans(said: dict[str, Any]) -> str:
+    runs = said["scans"]
+    lines = []
+    for noise_m in sorted({run["noise_m"] for run in runs}):
+        some = [run for run in runs if run["noise_m"] == noise_m]
+        cells = [decimal(1e3 * float(np.mean([run["at a scale"]["scale_m"] for run in some]))) + " mm"]
+        for measure in ("visual_error", "error_3d_mm2"):
+            left = {
+                arm: np.array([run[arm]["errors"][measure] / run["nothing"][measure] for run in some])
+                for arm in ("plain", "at a scale")
+            }
+            cells += [percent(float(left[arm].mean())) for arm in left]
+            cells += [_interval(left["plain"] - left["at a scale"])]
+        lines.append(f"| {1e3 * noise_m:g} mm | {' | '.join(cells)} |")
+    return f"""
+## Noise of scans
+
+Plans of {said["pushes"]} pushes in the learned model, each made on scans with white noise of this standard deviation,
+a scan after every fourth push. *At a scale* compares slopes of least-squares lines through a Gaussian neighbourhood;
+two scans of the slab choose its size, so that noise adds at most 5 % of the error in slope. What is left of the
+errors of the surface without noise, in slopes of neighbouring pixels:
+
+| noise | scale | slope, plain | slope, at a scale | gain | height, plain | height, at a scale | gain |
+|---|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+"""
+
+
+def crossing(noise: Sequence[float], shares: Sequence[float]) -> str:
+    """From which noise on, mm², an error is above that of doing nothing, by linear interpolation."""
+    for number in range(1, len(shares)):
+        if shares[number] > 1 >= shares[number - 1]:
+            part = (1 - shares[number - 1]) / (shares[number] - shares[number - 1])
+            return decimal(noise[number - 1] + part * (noise[number] - noise[number - 1]))
+    return f"none up to {decimal(noise[-1])}"
+
+
+def _range(shares: Sequence[float]) -> str:
+    return f"{percent(min(shares))} to {percent(max(shares))}"
+
+
+def _interval(gains: np.ndarray) -> str:
+    half = float(student_t.ppf(0.975, len(gains) - 1) * np.std(gains, ddof=1) / np.sqrt(len(gains)))
+    return f"{percent(float(np.mean(gains)))} ± {percent(half)}"
