@@ -91,6 +91,7 @@ def _actions(said: dict[str, Any]) -> str:
     arms = [name for name in runs[0] if isinstance(runs[0][name], dict) and name != "nothing"]
     levels = sorted({run["level"] for run in runs})
     noise = [float(np.mean([run["plain"]["noise_mm2"] for run in runs if run["level"] == level])) for level in levels]
+    seeds = len({run["seed"] for run in runs})
     measures = ("visual_error", "visual_error_at_4_mm", "error_3d_mm2")
     lines = []
     for arm in arms:
@@ -109,7 +110,7 @@ def _actions(said: dict[str, Any]) -> str:
     return f"""
 ## Noise of actions that the plan knows of (thesis 7.5.2)
 
-As above, at {said["draws"]} draws a level, on slabs and goals of len({run["seed"] for run in runs})} seeds. Plans by
+As above, at {said["draws"]} draws a level, on slabs and goals of {seeds} seeds. Plans by
 slopes of neighbouring pixels (*plain*), by slopes at a scale, and by plans that know the noise: pushes are tried in
 the model with and without it, and the share of their energy in height and slope that differs is a cost of each push.
 For each error: what is left without noise, and the noise from which on acting is worse than not acting. Noise is that
