@@ -29,7 +29,7 @@ from pentimento.dynamics.pushes.push_model import planned_members, read_push_mod
 from pentimento.goals3d.evaluation import goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import Up, relief_of
-from pentimento.planning.objectives import ClayObjective
+from pentimento.planning.objectives import ClayObjective, weights_for_scans
 from pentimento.planning.pushes.analytic.correction import corrected
 from pentimento.planning.pushes.goal import GoalFit, fit_goal, raised_goal
 from pentimento.planning.pushes.memory import PushMemory
@@ -145,15 +145,17 @@ def main(arguments: argparse.Namespace) -> None:
             name = f"{number}_{_name(wanted)}"
             folder = out / name
             folder.mkdir()
-            height, _ = seen_m(robot.scan())
+            height, again = seen_m(robot.scan())[0], seen_m(robot.scan())[0]
             fit = _goal(wanted, height, setting, robot)
+            weights = weights_for_scans(sculpting.planner.weights, fit.height_m, window_m, (height, again))
+            planner = replace(sculpting.planner, weights=weights)
             predicted = _predicted(
-                height, fit, members, grid=grid, end_effector=end_effector, robot=robot, sculpting=sculpting,
-                number=number, memory=PushMemory(executed, {}), unexplained=model.facts.unexplained,
+                height, fit, members, grid=grid, end_effector=end_effector, robot=robot,
+                sculpting=replace(sculpting, planner=planner), number=number, memory=PushMemory(executed, {}), unexplained=model.facts.unexplained,
             )  # fmt: skip
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=grid,
-                config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
+                config=planner, execution=sculpting.execution, count=sculpting.actions, session=session,
                 item=number, log=run.log_under(name), earlier=executed, placer=placer,
                 unexplained=model.facts.unexplained,
             )  # fmt: skip

@@ -112,7 +112,7 @@ class Weights:
     """Per squared slope (dimensionless, rise over run)."""
     slope_scale_m: float = 0.0
     """Scale at which slopes are taken (``planning.slopes``): 0 takes central differences, which noise of scans enters
-    in full."""
+    in full. Where a robot plans with 0, two scans of the clay choose it (``weights_for_scans``)."""
 
     def __post_init__(self) -> None:
         if not (self.error_3d >= 0 and self.visual >= 0 and self.error_3d + self.visual > 0):
@@ -223,12 +223,14 @@ NOISE_SHARE = 0.05
 
 
 def weights_for_scans(weights: Weights, goal_m: Array, window_m: Window, scans_m: tuple[Array, Array]) -> Weights:
-    """The weights with the scale of slopes that two scans [H, W] of the same clay ask for.
+    """The weights with the scale of slopes that two scans [H, W] of the same clay ask for; a scale above 0 is kept.
 
     Their difference is the scanner's noise. At that scale it adds no more than ``NOISE_SHARE`` of the visual error
     between clay and goal [H, W]. Where it adds less to slopes of neighbouring pixels, these are taken.
     """
-    objective = ClayObjective(goal_m, window_m, replace(weights, slope_scale_m=0.0))
+    if weights.slope_scale_m > 0:
+        return weights
+    objective = ClayObjective(goal_m, window_m, weights)
     noise_m = scan_noise_m(*scans_m)
     seen = float(np.mean([objective.visual_error(scan) for scan in scans_m]))
     error = max(seen - (noise_m * objective.pixels_per_m) ** 2, NOISE_SHARE * seen)
