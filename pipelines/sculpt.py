@@ -151,7 +151,8 @@ def main(arguments: argparse.Namespace) -> None:
             planner = replace(sculpting.planner, weights=weights)
             predicted = _predicted(
                 height, fit, members, grid=grid, end_effector=end_effector, robot=robot,
-                sculpting=replace(sculpting, planner=planner), number=number, memory=PushMemory(executed, {}), unexplained=model.facts.unexplained,
+                sculpting=replace(sculpting, planner=planner), number=number, memory=PushMemory(executed, {}),
+                unexplained=model.facts.unexplained,
             )  # fmt: skip
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=grid,
