@@ -51,6 +51,7 @@ from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.goal import fit_goal
 from pentimento.planning.pushes.plan import plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, Unexplained
+from pentimento.planning.pushes.rollout import PushModel as PlannedModel
 from studies.sculpting.clay import Settings, robot_with, settings
 from studies.sculpting.noise import AT_ONE
 from studies.sculpting.places import PIXELS, coarse
@@ -67,8 +68,6 @@ ACTIONS, BATCH = 24, 4
 VISUAL = 10.0
 """Weight of the slopes in the parts `actions` and `scans`, as in `noise`."""
 LEVELS, DRAWS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0), 6
-SHAKEN = 48
-"""Pushes from which the share is estimated that noise leaves unexplained."""
 SCAN_NOISE_M = (0.0, 0.0001, 0.0002, 0.0004)
 ERRORS = ("error_3d_mm2", "visual_error", "value")
 PARTS = ("intervals", "sculptures", "actions", "scans")
@@ -199,7 +198,7 @@ def noisy_actions(bench: Bench, seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Errors, as shares of those of doing nothing, of plans whose actions are shaken when they are executed."""
     levels = list(enumerate((0.0, *LEVELS)))
     return [
-        bench.once(f"actions_{seed}_{number}", partial(_shaken, bench, seed, level))
+        bench.once(f"actions_{seed}_{number}", partial(_under_noise, bench, seed, level))
         for seed in seeds
         for number, level in levels
     ]
@@ -235,26 +234,35 @@ def _sculpted(bench: Bench, seed: int, goal: str, name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _shaken(bench: Bench, seed: int, level: float) -> dict[str, Any]:
+def _shaken(actions: FloatArray, level: float, reach: Reach, seed: int, draw: int) -> FloatArray:
+    """Actions [N, 5] with noise of a level."""
+    rng = np.random.default_rng([seed, round(1000 * level), draw])
+    return reach.keep_within(actions + level * AT_ONE * rng.normal(size=actions.shape))
+
+
+def _under_noise(bench: Bench, seed: int, level: float) -> dict[str, Any]:
     """Plans that know of the noise, or do not, by slopes of neighbouring pixels and at scales."""
     height, objective, reach, config = _in_the_model(bench, seed)
     member = planned_members(bench.models["one"], WINDOW_M)[0]
     found: dict[str, Any] = {"seed": seed, "level": level, "nothing": _errors(objective, height)}
+    without = bench.once(f"actions_{seed}_0", dict) if level else {}
+    unaware = np.array(without["plain"]["actions"]).reshape(-1, 5) if level else np.zeros((0, 5))
     for name, scale_m, known in (
         ("plain", 0.0, False), ("at 4 mm", 0.004, False), ("at 8 mm", 0.008, False), ("noise known", 0.0, True),
         ("noise known, at 4 mm", 0.004, True),
     ):  # fmt: skip
         planned = ClayObjective(objective.goal_m, WINDOW_M, replace(objective.weights, slope_scale_m=scale_m))
-        shares = _shares_of_noise(member, height, reach, planned, level, seed) if known and level else None
+        shares = None
+        if known and level:
+            shares = _shares_of_noise(member, height, unaware, _shaken(unaware, level, reach, seed, DRAWS), planned)
         foresight = EnsembleRollout([member], planned, 1.0, unexplained=shares)
         if level and not known:
-            actions = np.array(bench.once(f"actions_{seed}_0", dict)[name]["actions"]).reshape(-1, 5)
+            actions = np.array(without[name]["actions"]).reshape(-1, 5)
         else:
             actions = _planned(height, foresight, reach, config, lambda seen: seen)
         drawn, off = [], []
         for draw in range(DRAWS if level else 1):
-            rng = np.random.default_rng([seed, round(1000 * level), draw])
-            shaken = reach.keep_within(actions + level * AT_ONE * rng.normal(size=actions.shape))
+            shaken = _shaken(actions, level, reach, seed, draw)
             drawn.append(_errors(objective, foresight.roll_out(height, shaken)[0]))
             if len(actions):
                 each = member.after(height, actions) - member.after(height, shaken)
@@ -320,12 +328,9 @@ def _in_the_model(bench: Bench, seed: int) -> tuple[Array, ClayObjective, Reach,
 
 
 def _shares_of_noise(
-    member: Any, height: Array, reach: Reach, objective: ClayObjective, level: float, seed: int
+    member: PlannedModel, height: Array, actions: FloatArray, shaken: FloatArray, objective: ClayObjective
 ) -> Unexplained:
-    """The shares of pushes' energies that noise of this level in their actions makes unpredictable."""
-    rng = np.random.default_rng([seed, round(1000 * level), DRAWS])
-    actions = reach.draw(SHAKEN, rng)
-    shaken = reach.keep_within(actions + level * AT_ONE * rng.normal(size=actions.shape))
+    """The shares of pushes' energies that noise in their actions makes unpredictable; each push on the first slab."""
     meant, made = member.after(height, actions), member.after(height, shaken)
     zero = objective.of_changes(objective.weights)
     return Unexplained(
