@@ -67,7 +67,12 @@ SIDE_SHARE = 0.7
 ACTIONS, BATCH = 24, 4
 VISUAL = 10.0
 """Weight of the slopes in the parts `actions` and `scans`, as in `noise`."""
-LEVELS, DRAWS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0), 6
+LEVELS, DRAWS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0), 6
+PLANS = (
+    ("plain", 0.0, False), ("at 4 mm", 0.004, False), ("at 8 mm", 0.008, False), ("noise known", 0.0, True),
+    ("noise known, at 4 mm", 0.004, True),
+)  # fmt: skip
+"""Of the part `actions`: name, scale of the slopes, and whether the plan knows of the noise."""
 SCAN_NOISE_M = (0.0, 0.0001, 0.0002, 0.0004)
 ERRORS = ("error_3d_mm2", "visual_error", "value")
 PARTS = ("intervals", "sculptures", "actions", "scans")
@@ -247,13 +252,13 @@ def _under_noise(bench: Bench, seed: int, level: float) -> dict[str, Any]:
     found: dict[str, Any] = {"seed": seed, "level": level, "nothing": _errors(objective, height)}
     without = bench.once(f"actions_{seed}_0", dict) if level else {}
     unaware = np.array(without["plain"]["actions"]).reshape(-1, 5) if level else np.zeros((0, 5))
-    for name, scale_m, known in (
-        ("plain", 0.0, False), ("at 4 mm", 0.004, False), ("at 8 mm", 0.008, False), ("noise known", 0.0, True),
-        ("noise known, at 4 mm", 0.004, True),
-    ):  # fmt: skip
+    for name, scale_m, known in PLANS:
+        if known and not level:
+            found[name] = found["plain" if scale_m == 0 else "at 4 mm"]
+            continue
         planned = ClayObjective(objective.goal_m, WINDOW_M, replace(objective.weights, slope_scale_m=scale_m))
         shares = None
-        if known and level:
+        if known:
             shares = _shares_of_noise(member, height, unaware, _shaken(unaware, level, reach, seed, DRAWS), planned)
         foresight = EnsembleRollout([member], planned, 1.0, unexplained=shares)
         if level and not known:
