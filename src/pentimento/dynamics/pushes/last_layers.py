@@ -43,10 +43,8 @@ def fit_last_layers(
     dent, features = (torch.cat(pair) for pair in zip(*seen, strict=True))
     generator = torch.Generator().manual_seed(seed)
     for member in members:
-        weight = (
-            -torch.rand(len(every), generator=generator).clamp(min=1e-12).log()
-        )  # exponential: Dirichlet, once scaled
-        weight = (weight / weight.sum()).repeat(2) / 2
+        exponential = -torch.rand(len(every), generator=generator).clamp(min=1e-12).log()
+        weight = (exponential / exponential.sum()).repeat(2) / 2
         layer = list(member.last_layer.parameters())
         optimizer = torch.optim.LBFGS(layer, max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
 
