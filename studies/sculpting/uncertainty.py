@@ -33,7 +33,9 @@ from pentimento.collection.pushes import collect_pushes
 from pentimento.contracts.atomic import atomic_folder, atomic_write
 from pentimento.control.execute import Session
 from pentimento.control.sculptor import reach_for, sculpt, seen_m
+from pentimento.dynamics.pushes.last_layers import fit_last_layers
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
+from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, planned_members, read_push_model, write_push_model
 from pentimento.dynamics.pushes.training import crop_for, split_by_action, train
@@ -121,7 +123,8 @@ class Bench:
 def main(arguments: argparse.Namespace) -> None:
     """Write `DIR/uncertainty_<material>.json`."""
     torch.set_num_threads(1)
-    bench = prepared(arguments.material, arguments.out / f"uncertainty_{arguments.material}")
+    folder = arguments.out / f"uncertainty_{arguments.material}"
+    bench = prepared(arguments.material, folder, apart="intervals" in arguments.parts)
     made: dict[str, Callable[[Bench, Sequence[int]], Any]] = {
         "intervals": intervals_of, "sculptures": sculptures, "actions": noisy_actions, "scans": noisy_scans,
     }  # fmt: skip
@@ -131,26 +134,39 @@ def main(arguments: argparse.Namespace) -> None:
     atomic_write(file, (json.dumps(said, indent=1) + "\n").encode())
 
 
-def prepared(material: str, folder: Path) -> Bench:
-    """Train one network, three last layers on it, and three networks apart, on the same pushes."""
+def prepared(material: str, folder: Path, apart: bool) -> Bench:
+    """Train one network, three last layers on it, and with ``apart`` two other networks, on the same pushes."""
     given = coarse(settings(Path("params.yaml")))
     given = replace(given, sculpting=replace(given.sculpting, side_share=SIDE_SHARE))
     folder.mkdir(parents=True, exist_ok=True)
     training, validation = split_by_action(_pushes(material, given, folder, given.collection.seed), 0.25, 0)
     crop = crop_for(training, given.training)
-    models = {}
-    for name, members, seed in (("one", 1, 0), ("three", 3, 0), ("apart1", 1, 1), ("apart2", 1, 2)):
+    seen = in_pose(training, crop)
+
+    def trained(name: str, seed: int) -> PushModel:
         if not (folder / name).is_dir():
-            config = replace(given.training, members=members, seed=seed)
-            seen, context = in_pose(training, crop), (material, TOOL)
-            model = train(seen, "push", [context], crop=crop, config=config, log=_unheard)
+            config = replace(given.training, members=1, seed=seed)
+            model = train(seen, "push", [(material, TOOL)], crop=crop, config=config, log=_unheard)
             with atomic_folder(folder / name) as out:
                 write_push_model(model, out)
-        models[name] = read_push_model(folder / name)
-    apart = PushModel(replace(models["one"].facts, members=3))
-    for member, single in zip(apart.members, ("one", "apart1", "apart2"), strict=True):
-        member.load_state_dict(models[single].members[0].state_dict())
-    return Bench(material, given, models | {"apart": apart.eval().requires_grad_(False)}, validation, folder)
+        return read_push_model(folder / name)
+
+    one = trained("one", 0)
+    three = _side_by_side(one, one, one)
+    layers = [member for member in three.members if isinstance(member, Param2Deform)]
+    fit_last_layers(layers, seen, crop, visual_weight=given.training.visual_weight, seed=0)
+    models = {"one": one, "three": three.requires_grad_(False)}
+    if apart:
+        models["apart"] = _side_by_side(one, *(trained(f"apart{seed}", seed) for seed in (1, 2)))
+    return Bench(material, given, models, validation, folder)
+
+
+def _side_by_side(*networks: PushModel) -> PushModel:
+    """An ensemble of copies of models of one network each."""
+    model = PushModel(replace(networks[0].facts, members=len(networks)))
+    for member, network in zip(model.members, networks, strict=True):
+        member.load_state_dict(network.members[0].state_dict())
+    return model.eval()
 
 
 def intervals_of(bench: Bench, _seeds: Sequence[int]) -> dict[str, Any]:
@@ -159,8 +175,7 @@ def intervals_of(bench: Bench, _seeds: Sequence[int]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     given = replace(bench.given, collection=replace(bench.given.collection, pushes=TEST_PUSHES))
     tests = [in_pose(_pushes(bench.material, given, bench.folder, seed), crop) for seed in TEST_SEEDS]
-    for name in ("one", "three", "apart"):
-        model = bench.models[name]
+    for name, model in bench.models.items():
         known = pixels_of(model, in_pose(bench.validation, crop))
         fits = {"as fitted": fit_intervals(known)}
         fits["of one width"] = _of_one_width(known)
