@@ -30,7 +30,7 @@ from pentimento.planning.pushes.rollout import Unexplained
 Array = NDArray[np.float64]
 
 MOVED_MM = 0.2
-"""Where the model predicts at least this change, up or down, the material is taken to move."""
+"""Material moves where at least this change, up or down, is predicted or seen."""
 _STILL_MM = 0.02
 """Where it predicts less than this, all that is seen is noise of the scans."""
 _SCORINGS = 12
@@ -52,9 +52,19 @@ class Pixels(NamedTuple):
     """Squared gradient of the same."""
 
     @property
-    def moved(self) -> NDArray[np.bool_]:
-        """Which of them the model expects to move."""
+    def expected(self) -> NDArray[np.bool_]:
+        """[P]: which of them the model expects to move."""
         return np.abs(self.change_mm) >= MOVED_MM
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """[P]: which of them moved."""
+        return np.abs(self.change_mm + self.residual_mm) >= MOVED_MM
+
+    @property
+    def moved(self) -> NDArray[np.bool_]:
+        """[P]: which of them were expected or seen to move."""
+        return self.expected | self.seen
 
     def pick(self, index: NDArray[np.bool_]) -> Pixels:
         """Those where ``index`` [P] is true."""
@@ -105,8 +115,8 @@ def fit_intervals(pixels: Pixels, coverage: float = 0.9) -> Intervals:
     """
     if not pixels.moved.any():
         raise ContractError(
-            f"The push model predicts no change of {MOVED_MM:g} mm or more for the held-out pushes, so that its "
-            "uncertainty cannot be fitted: hold out more pushes (train_push_dynamics.held_out)."
+            f"The held-out pushes change no height by {MOVED_MM:g} mm or more, so that the uncertainty of the push "
+            "model cannot be fitted: hold out more pushes (train_push_dynamics.held_out)."
         )
     terms, squares = _terms(pixels), pixels.residual_mm**2
     variance = np.full(len(squares), max(float(squares.mean()), _MIN_VARIANCE_MM2))
