@@ -40,7 +40,6 @@ from pentimento.dynamics.pushes.pose import in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, planned_members, read_push_model, write_push_model
 from pentimento.dynamics.pushes.training import crop_for, split_by_action, train
 from pentimento.dynamics.pushes.uncertainty import (
-    MOVED_MM,
     Intervals,
     Pixels,
     fit_intervals,
@@ -180,8 +179,9 @@ def intervals_of(bench: Bench, _seeds: Sequence[int]) -> dict[str, Any]:
         fits = {"as fitted": fit_intervals(known)}
         fits["of one width"] = _of_one_width(known)
         unseen = [pixels_of(model, test) for test in tests]
-        moved = [pixels.pick(pixels.moved) for pixels in unseen]
-        seen = [pixels.pick(np.abs(pixels.change_mm + pixels.residual_mm) >= MOVED_MM) for pixels in unseen]
+        moved, expected, seen = (
+            [pixels.pick(getattr(pixels, area)) for pixels in unseen] for area in ("moved", "expected", "seen")
+        )
         found[name] = {
             "mean_square_mm2": float(np.mean([np.mean(pixels.residual_mm**2) for pixels in unseen])),
             "spread_mm2": float(np.mean([np.mean(pixels.spread_mm2) for pixels in moved])),
@@ -192,6 +192,7 @@ def intervals_of(bench: Bench, _seeds: Sequence[int]) -> dict[str, Any]:
             found[name][kind] = {
                 "factors": vars(fit),
                 "coverage": [fit.covered(pixels) for pixels in moved],
+                "coverage_where_expected": [fit.covered(pixels) for pixels in expected],
                 "coverage_where_it_moved": [fit.covered(pixels) for pixels in seen],
                 "width_mm": float(np.mean([2 * fit.half_width_mm(pixels).mean() for pixels in moved])),
                 "score_mm": float(np.mean([_score(fit, pixels) for pixels in moved])),

@@ -27,7 +27,8 @@ def _intervals(said: dict[str, Any]) -> str:
     for name, found in said["intervals"].items():
         fitted, one = found["as fitted"], found["of one width"]
         lines.append(
-            f"| {_MODELS[name]} | {_range(fitted['coverage'])} | {_range(fitted['coverage_where_it_moved'])} | "
+            f"| {_MODELS[name]} | {_range(fitted['coverage'])} | "
+            f"{_range(fitted['coverage_where_expected'])} | {_range(fitted['coverage_where_it_moved'])} | "
             f"{decimal(fitted['width_mm'])} mm | {decimal(fitted['score_mm'])} mm | {_range(one['coverage'])} | "
             f"{decimal(one['score_mm'])} mm | {percent(found['spread_alone'])} | "
             f"{percent(found['spread_mm2'] / found['residual_mm2'])} |"
@@ -39,12 +40,12 @@ Intervals of the change of height of each pixel that are to contain 90 % of what
 variance has four terms: the members' spread, noise of the scans, and shares of the change and of its slope
 (`dynamics/pushes/uncertainty.py`); the factors and the width are fitted to pushes that the networks were not trained
 on. The table is of pushes of other seeds (another slab, other actions), where the model expects 0.2 mm of change or
-more, and where 0.2 mm were seen. *Score* is the mean interval score (Gneiting & Raftery 2007), lower is better; *one
+more or that much was seen (*coverage*), and of each of the two areas alone. *Score* is the mean interval score (Gneiting & Raftery 2007), lower is better; *one
 width* are intervals as wide everywhere; the last columns are the coverage of the spread alone, and its share of the
 squared residual.
 
-| model | coverage | where it moved | width | score | coverage, one width | score | coverage, spread alone | spread |
-|---|---|---|---|---|---|---|---|---|
+| model | coverage | where expected | where it moved | width | score | coverage, one width | score | coverage, spread alone | spread |
+|---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 """
 

@@ -126,7 +126,13 @@ def test_the_page_says_what_pellets_gain_with_its_interval(tmp_path: Path) -> No
 
 def test_the_page_states_coverage_gains_and_crossings(tmp_path: Path) -> None:
     kinds = {
-        kind: {"coverage": [0.87, 0.91], "coverage_where_it_moved": [0.84, 0.9], "width_mm": 0.5, "score_mm": score}
+        kind: {
+            "coverage": [0.87, 0.91],
+            "coverage_where_expected": [0.9, 0.92],
+            "coverage_where_it_moved": [0.84, 0.9],
+            "width_mm": 0.5,
+            "score_mm": score,
+        }
         for kind, score in (("as fitted", 0.7), ("of one width", 0.9))
     }
     intervals = {"one": kinds | {"spread_alone": 0.0, "spread_mm2": 0.0, "residual_mm2": 0.04}}
@@ -152,7 +158,10 @@ def test_the_page_states_coverage_gains_and_crossings(tmp_path: Path) -> None:
     (tmp_path / "uncertainty_foam.json").write_text(json.dumps(said))
     page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
     text = (tmp_path / "docs/sculpting.md").read_text().replace("\u00a0", " ")
-    assert "| one network | 87 % to 91 % | 84 % to 90 % | 0.500 mm | 0.700 mm | 87 % to 91 % | 0.900 mm |" in text
+    assert (
+        "| one network | 87 % to 91 % | 90 % to 92 % | 84 % to 90 % | 0.500 mm | 0.700 mm | 87 % to 91 % | 0.900 mm |"
+        in text
+    )
     assert "| one, unexplained | 40 % | 40 % | 40 % | 40 % | 40 % | 40 % | 10 % ± 0.0 % | 20.0 |" in text
     assert "| plain | 40 % | 0.300 | 40 % | 0.300 | 40 % | 0.300 |" in text  # halfway between two levels
     assert "| noise known | 40 % | none up to 0.400 |" in text
