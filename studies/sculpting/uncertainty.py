@@ -69,11 +69,11 @@ ACTIONS, BATCH = 24, 4
 VISUAL = 10.0
 """Weight of the slopes in the parts `actions` and `scans`, as in `noise`."""
 LEVELS, DRAWS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0), 6
-PLANS = (
-    ("plain", 0.0, False), ("at 4 mm", 0.004, False), ("at 8 mm", 0.008, False), ("noise known", 0.0, True),
-    ("noise known, at 4 mm", 0.004, True),
-)  # fmt: skip
-"""Of the part `actions`: name, scale of the slopes, and whether the plan knows of the noise."""
+PLANS = {
+    "plain": (0.0, 0.0), "slopes at 4 mm": (0.004, 0.0), "noise known": (0.0, 1.0),
+    "noise known, half the weight": (0.0, 0.5),
+}  # fmt: skip
+"""Of the part `actions`: scale of the slopes, and weight of what the noise makes unpredictable."""
 SCAN_NOISE_M = (0.0, 0.0001, 0.0002, 0.0004)
 ERRORS = ("error_3d_mm2", "visual_error", "value")
 PARTS = ("intervals", "sculptures", "actions", "scans")
@@ -217,12 +217,15 @@ def sculptures(bench: Bench, seeds: Sequence[int]) -> list[dict[str, Any]]:
 
 def noisy_actions(bench: Bench, seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Errors, as shares of those of doing nothing, of plans whose actions are shaken when they are executed."""
-    levels = list(enumerate((0.0, *LEVELS)))
     return [
-        bench.once(f"actions_{seed}_{number}", partial(_under_noise, bench, seed, level))
-        for seed in seeds
-        for number, level in levels
+        bench.once(_noisy(seed, level, name), partial(_under_noise, bench, seed, level, name))
+        for seed, level, name in product(seeds, (0.0, *LEVELS), PLANS)
     ]
+
+
+def _noisy(seed: int, level: float, plan: str) -> str:
+    """Name of a run of the part `actions`."""
+    return f"actions_{seed}_{level:g}_{plan.replace(' ', '_').replace(',', '')}"
 
 
 def noisy_scans(bench: Bench, seeds: Sequence[int]) -> list[dict[str, Any]]:
@@ -261,40 +264,32 @@ def _shaken(actions: FloatArray, level: float, reach: Reach, seed: int, draw: in
     return reach.keep_within(actions + level * AT_ONE * rng.normal(size=actions.shape))
 
 
-def _under_noise(bench: Bench, seed: int, level: float) -> dict[str, Any]:
-    """Plans that know of the noise, or do not, by slopes of neighbouring pixels and at scales."""
+def _under_noise(bench: Bench, seed: int, level: float, name: str) -> dict[str, Any]:
+    """A plan, and what comes of it with noise of this level, which it knows or does not."""
     height, objective, reach, config = _in_the_model(bench, seed)
     member = planned_members(bench.models["one"], WINDOW_M)[0]
-    found: dict[str, Any] = {"seed": seed, "level": level, "nothing": _errors(objective, height)}
-    without = bench.once(f"actions_{seed}_0", dict) if level else {}
-    unaware = np.array(without["plain"]["actions"]).reshape(-1, 5) if level else np.zeros((0, 5))
-    for name, scale_m, known in PLANS:
-        if known and not level:
-            found[name] = found["plain" if scale_m == 0 else "at 4 mm"]
-            continue
-        planned = ClayObjective(objective.goal_m, WINDOW_M, replace(objective.weights, slope_scale_m=scale_m))
+    scale_m, weight = PLANS[name]
+    planned = ClayObjective(objective.goal_m, WINDOW_M, replace(objective.weights, slope_scale_m=scale_m))
+    base = bench.once(_noisy(seed, 0.0, "plain" if weight else name), dict) if level or weight else {}
+    actions = np.array(base.get("actions", ())).reshape(-1, 5)
+    if not base or (level and weight):
         shares = None
-        if known:
-            shares = _shares_of_noise(member, height, unaware, _shaken(unaware, level, reach, seed, DRAWS), planned)
-        foresight = EnsembleRollout([member], planned, 1.0, unexplained=shares)
-        if level and not known:
-            actions = np.array(without[name]["actions"]).reshape(-1, 5)
-        else:
-            actions = _planned(height, foresight, reach, config, lambda seen: seen)
-        drawn, off = [], []
-        for draw in range(DRAWS if level else 1):
-            shaken = _shaken(actions, level, reach, seed, draw)
-            drawn.append(_errors(objective, foresight.roll_out(height, shaken)[0]))
-            if len(actions):
-                each = member.after(height, actions) - member.after(height, shaken)
-                side_px = bench.given.training.side_px
-                off.append(float(np.square(1e3 * each).sum(axis=(1, 2)).mean()) / side_px**2)
-        found[name] = {
-            "actions": actions.tolist(),
-            "noise_mm2": float(np.mean(off)) if off else 0.0,
-            "errors": {key: float(np.mean([each[key] for each in drawn])) for key in drawn[0]},
-        }
-    return found
+        if base:
+            shares = _shares_of_noise(member, height, actions, _shaken(actions, level, reach, seed, DRAWS), planned)
+        foresight = EnsembleRollout([member], planned, weight, unexplained=shares)
+        actions = _planned(height, foresight, reach, config, lambda seen: seen)
+    drawn, off = [], [0.0]
+    for draw in range(DRAWS if level else 1):
+        shaken = _shaken(actions, level, reach, seed, draw)
+        drawn.append(_errors(objective, EnsembleRollout([member], objective, 0.0).roll_out(height, shaken)[0]))
+        if len(actions):
+            each = member.after(height, actions) - member.after(height, shaken)
+            off.append(float(np.square(1e3 * each).sum(axis=(1, 2)).mean()) / bench.given.training.side_px**2)
+    return {
+        "seed": seed, "level": level, "plan": name, "nothing": _errors(objective, height), "actions": actions.tolist(),
+        "noise_mm2": float(np.mean(off[1:] or off)),
+        "errors": {key: float(np.mean([each[key] for each in drawn])) for key in drawn[0]},
+    }  # fmt: skip
 
 
 def _on_noisy_scans(bench: Bench, seed: int, noise_m: float) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -89,36 +90,34 @@ with a weight of 1: the expected objective.
 
 def _actions(said: dict[str, Any]) -> str:
     runs = said["actions"]
-    arms = [name for name in runs[0] if isinstance(runs[0][name], dict) and name != "nothing"]
-    levels = sorted({run["level"] for run in runs})
-    noise = [float(np.mean([run["plain"]["noise_mm2"] for run in runs if run["level"] == level])) for level in levels]
+    plans, levels = list(dict.fromkeys(run["plan"] for run in runs)), sorted({run["level"] for run in runs})
     seeds = len({run["seed"] for run in runs})
-    measures = ("visual_error", "visual_error_at_4_mm", "error_3d_mm2")
+
+    def mean(plan: str, level: float, of: Callable[[dict[str, Any]], float]) -> float:
+        return float(np.mean([of(run) for run in runs if (run["plan"], run["level"]) == (plan, level)]))
+
+    def share(run: dict[str, Any], measure: str) -> float:
+        return float(run["errors"][measure] / run["nothing"][measure])
+
+    noise = [mean("plain", level, lambda run: run["noise_mm2"]) for level in levels]
     lines = []
-    for arm in arms:
+    for plan in plans:
         cells = []
-        for measure in measures:
-            shares = [
-                float(
-                    np.mean(
-                        [run[arm]["errors"][measure] / run["nothing"][measure] for run in runs if run["level"] == level]
-                    )
-                )
-                for level in levels
-            ]
-            cells += [percent(shares[0]), crossing(noise, shares)]
-        lines.append(f"| {arm} | {' | '.join(cells)} |")
+        for measure in ("visual_error", "visual_error_at_4_mm", "error_3d_mm2"):
+            shares = [mean(plan, level, partial(share, measure=measure)) for level in levels]
+            cells += [percent(shares[0]), percent(shares[1]), crossing(noise, shares)]
+        lines.append(f"| {plan} | {' | '.join(cells)} |")
     return f"""
 ## Noise of actions that the plan knows of (thesis 7.5.2)
 
 As above, at {said["draws"]} draws a level, on slabs and goals of {seeds} seeds. Plans by
 slopes of neighbouring pixels (*plain*), by slopes at a scale, and by plans that know the noise: pushes are tried in
 the model with and without it, and the share of their energy in height and slope that differs is a cost of each push.
-For each error: what is left without noise, and the noise from which on acting is worse than not acting. Noise is that
-of one action of the plain plan, mm².
+For each error: what is left without noise and with little of it ({decimal(noise[1])} mm²), and the noise from which
+on acting is worse than not acting. Noise is that of one action of the plain plan, mm².
 
-| plan | slope | worse from | slope at 4 mm | worse from | height | worse from |
-|---|---|---|---|---|---|---|
+| plan | slope | little | worse from | slope at 4 mm | little | worse from | height | little | worse from |
+|---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 """
 

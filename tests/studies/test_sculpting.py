@@ -144,11 +144,10 @@ def test_the_page_states_coverage_gains_and_crossings(tmp_path: Path) -> None:
     ]  # fmt: skip
     errors = ("error_3d_mm2", "visual_error", "visual_error_at_4_mm")
     actions = [
-        {"seed": 1, "level": level, "nothing": dict.fromkeys(errors, 1.0)} | {
-            arm: {"noise_mm2": noise, "errors": dict.fromkeys(errors, share)}
-            for arm, share in (("plain", plain), ("noise known", known))
-        }
-        for level, noise, plain, known in ((0.0, 0.0, 0.4, 0.4), (1.0, 0.2, 0.8, 0.7), (2.0, 0.4, 1.2, 0.9))
+        {"seed": 1, "level": level, "plan": plan, "noise_mm2": noise, "nothing": dict.fromkeys(errors, 1.0),
+         "errors": dict.fromkeys(errors, share)}
+        for level, noise, *shares in ((0.0, 0.0, 0.4, 0.4), (1.0, 0.2, 0.8, 0.7), (2.0, 0.4, 1.2, 0.9))
+        for plan, share in zip(("plain", "noise known"), shares, strict=True)
     ]  # fmt: skip
     arm = {"scale_m": 0.004, "errors": dict.fromkeys(errors, 0.5)}
     scans = [{"seed": seed, "noise_m": 1e-4, "nothing": dict.fromkeys(errors, 1.0), "plain": arm, "at a scale": arm}
@@ -163,6 +162,8 @@ def test_the_page_states_coverage_gains_and_crossings(tmp_path: Path) -> None:
         in text
     )
     assert "| one, unexplained | 40 % | 40 % | 40 % | 40 % | 40 % | 40 % | 10 % ± 0.0 % | 20.0 |" in text
-    assert "| plain | 40 % | 0.300 | 40 % | 0.300 | 40 % | 0.300 |" in text  # halfway between two levels
-    assert "| noise known | 40 % | none up to 0.400 |" in text
+    assert (
+        "| plain | 40 % | 80 % | 0.300 | 40 % | 80 % | 0.300 | 40 % | 80 % | 0.300 |" in text
+    )  # halfway between two levels
+    assert "| noise known | 40 % | 70 % | none up to 0.400 |" in text
     assert "| 0.1 mm | 4.00 mm | 50 % | 50 % | 0.0 % ± 0.0 % |" in text
