@@ -91,10 +91,8 @@ class Arm:
 
 ARMS = {
     "one network": Arm("one", 0.0, False),
-    "three, their mean": Arm("three", 0.0, False),
     "three, their spread": Arm("three", 1.0, False),
     "one, unexplained": Arm("one", 1.0, True),
-    "three, spread and unexplained": Arm("three", 1.0, True),
     "one, slopes at 4 mm": Arm("one", 0.0, False, 0.004),
 }
 
