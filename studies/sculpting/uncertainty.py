@@ -1,4 +1,4 @@
-"""What push models know of their own errors, what caution gains, and a loss of slopes that noise spoils later.
+"""What push models know of their own errors, what plans gain by it, and a loss of slopes that noise spoils later.
 
 `python -m studies.sculpting.uncertainty --material foam --out DIR [--seeds 1 2 3 4 5] [--parts intervals sculptures …]`
 

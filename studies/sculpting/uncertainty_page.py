@@ -73,12 +73,12 @@ def _sculptures(said: dict[str, Any]) -> str:
         lines.append(f"| {arm} | {' | '.join(cells)} |")
     goals, seeds = (sorted({run[key] for run in runs}) for key in ("goal", "seed"))
     return f"""
-## What caution gains
+## What planning with uncertainty gains
 
 {len(goals)} goals ({", ".join(goals)}) on {len(seeds)} slabs of {said["material"]} in the studio, at most
 {said["pushes"]} pushes each. What is left of the error in height, in slope, and of the planner's objective, as a
 share of that before, mean of all {len(goals) * len(seeds)} runs and of the worst tenth; the gain is that of the
-objective over one network without caution, paired by goal and slab, with its 95 % interval (Student's t). *Spread*
+objective over one network that ignores it, paired by goal and slab, with its 95 % interval (Student's t). *Spread*
 plans with the variance of the three members, *unexplained* with the share of each push that the model leaves, both
 with a weight of 1: the expected objective.
 

@@ -5,8 +5,7 @@ The residual of a pixel is taken as normal with the variance
     spread² · s  +  noise  +  c · change²  +  e · |∇change|²,
 
 where spread² is the variance of the ensemble's members and change the members' mean. The other terms are what no member
-knows (the aleatoric part): noise of both scans, dents of another depth, and edges that are elsewhere (e is a squared
-distance). The factors are fitted by maximum likelihood to pushes that the networks were not trained on, and residuals
+knows (the aleatoric part): noise of both scans, dents of another depth, and displaced edges (e is a squared distance). The factors are fitted by maximum likelihood to pushes that the networks were not trained on, and residuals
 have longer tails than normal ones: the width of the interval is the quantile of those residuals (conformal prediction,
 Vovk et al. 2005), so that it covers its share of pushes that are like them.
 """
@@ -125,7 +124,8 @@ def fit_intervals(pixels: Pixels, coverage: float = 0.9) -> Intervals:
         variance = np.maximum(terms @ factors, _MIN_VARIANCE_MM2)
     moved = pixels.moved
     deviations = float(np.quantile(np.abs(pixels.residual_mm[moved]) / np.sqrt(variance[moved]), coverage))
-    return Intervals(*(float(factor) for factor in factors), coverage=coverage, deviations=deviations)
+    spread, noise_mm2, change, edge_mm2 = (float(factor) for factor in factors)
+    return Intervals(spread, noise_mm2, change, edge_mm2, coverage, deviations)
 
 
 def fit_unexplained(model: PushModel, samples: PoseSamples) -> Unexplained:

@@ -134,7 +134,7 @@ class EnsembleRollout:
         )
         before, mean = states_m.mean(axis=0), after.mean(axis=0)
         values = self.objective.values_from(before, mean)
-        if self._cautious:
+        if self._weighs_spread:
             each = [self.objective.values_from(*pair) for pair in zip(states_m, after, strict=True)]
             values = values + self.disagreement_weight * (np.mean(each, axis=0) - values)
         if self._cost is not None:
@@ -144,7 +144,7 @@ class EnsembleRollout:
     def value(self, states_m: Array) -> float:
         """The value of the members' clay [M, H, W]."""
         of_mean = float(self.objective.values(states_m.mean(axis=0)))
-        if self._cautious:
+        if self._weighs_spread:
             each = float(np.mean([self.objective.values(state) for state in states_m]))
             of_mean += self.disagreement_weight * (each - of_mean)
         return of_mean + self.spent
@@ -187,7 +187,7 @@ class EnsembleRollout:
         gradient = np.zeros_like(actions)
         for state, back in zip(states, backs, strict=True):
             of_state = of_mean
-            if self._cautious:
+            if self._weighs_spread:
                 of_state = of_mean + self.disagreement_weight * (self.objective(state)[1] - of_mean)
             gradient += back((of_state / len(states)).astype(np.float32), of_changes / np.float32(len(states)))
         return self.value(states) + spent, gradient
@@ -207,7 +207,7 @@ class EnsembleRollout:
         )  # fmt: skip
 
     @property
-    def _cautious(self) -> bool:
+    def _weighs_spread(self) -> bool:
         return len(self.members) > 1 and self.disagreement_weight > 0
 
 
