@@ -5,9 +5,10 @@ The residual of a pixel is taken as normal with the variance
     spread² · s  +  noise  +  c · change²  +  e · |∇change|²,
 
 where spread² is the variance of the ensemble's members and change the members' mean. The other terms are what no member
-knows (the aleatoric part): noise of both scans, dents of another depth, and displaced edges (e is a squared distance). The factors are fitted by maximum likelihood to pushes that the networks were not trained on, and residuals
-have longer tails than normal ones: the width of the interval is the quantile of those residuals (conformal prediction,
-Vovk et al. 2005), so that it covers its share of pushes that are like them.
+knows (the aleatoric part): noise of both scans, dents of another depth, and displaced edges (e is a squared distance).
+The factors are fitted by maximum likelihood to pushes that the networks were not trained on, and residuals have longer
+tails than normal ones: the width of the interval is the quantile of those residuals (conformal prediction, Vovk et al.
+2005), so that it covers its share of pushes that are like them.
 """
 
 from __future__ import annotations
