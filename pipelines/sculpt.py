@@ -29,14 +29,14 @@ from pentimento.dynamics.pushes.push_model import planned_members, read_push_mod
 from pentimento.goals3d.evaluation import goal_errors
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import Up, relief_of
-from pentimento.planning.objectives import ClayObjective, weights_for_scans
+from pentimento.planning.objectives import ClayObjective
 from pentimento.planning.pushes.analytic.correction import corrected
 from pentimento.planning.pushes.goal import GoalFit, fit_goal, raised_goal
 from pentimento.planning.pushes.memory import PushMemory
 from pentimento.planning.pushes.places import FILE as PLACES
 from pentimento.planning.pushes.places import read_place_model
 from pentimento.planning.pushes.plan import PushPlan
-from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel, Unexplained
+from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
 from pentimento.planning.pushes.scales import plan_for_scan
 from pentimento.report.figures import time_lapse
 from pentimento.robots.driver import SculptingRobot
@@ -145,18 +145,15 @@ def main(arguments: argparse.Namespace) -> None:
             name = f"{number}_{_name(wanted)}"
             folder = out / name
             folder.mkdir()
-            height, again = seen_m(robot.scan())[0], seen_m(robot.scan())[0]
+            height, _ = seen_m(robot.scan())
             fit = _goal(wanted, height, setting, robot)
-            weights = weights_for_scans(sculpting.planner.weights, fit.height_m, window_m, (height, again))
-            planner = replace(sculpting.planner, weights=weights)
             predicted = _predicted(
-                height, fit, members, grid=grid, end_effector=end_effector, robot=robot,
-                sculpting=replace(sculpting, planner=planner), number=number, memory=PushMemory(executed, {}),
-                unexplained=model.facts.unexplained,
+                height, fit, members, grid=grid, end_effector=end_effector, robot=robot, sculpting=sculpting,
+                number=number, memory=PushMemory(executed, {}),
             )  # fmt: skip
             sculpture = sculpt(
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=grid,
-                config=planner, execution=sculpting.execution, count=sculpting.actions, session=session,
+                config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
                 item=number, log=run.log_under(name), earlier=executed, placer=placer,
                 unexplained=model.facts.unexplained,
             )  # fmt: skip
@@ -221,13 +218,10 @@ def _predicted(
     sculpting: SculptingSettings,
     number: int,
     memory: PushMemory,
-    unexplained: Unexplained | None,
 ) -> PushPlan:
     """Plan all actions at once from the candidates alone, without execution in between."""
     objective = ClayObjective(fit.height_m, members[0].window_m, sculpting.planner.weights)
-    foresight = EnsembleRollout(
-        members, objective, sculpting.planner.disagreement_weight, memory=memory, unexplained=unexplained
-    )
+    foresight = EnsembleRollout(members, objective, sculpting.planner.disagreement_weight, memory=memory)
     reach = reach_for(end_effector, robot.area_m, sculpting.planner.edge_m)
     whole = replace(sculpting.planner, horizon=sculpting.actions, rounds=0, refine="none")
     return plan_for_scan(height, foresight, reach, grid=grid, config=whole, count=sculpting.actions, item=(number, 0))

@@ -240,12 +240,14 @@ def _sculpted(bench: Bench, seed: int, goal: str, name: str) -> dict[str, Any]:
     robot, end_effector = robot_with(bench.material, TOOL, PIXELS, seed)
     goal_m = _goal(goal, seen_m(robot.scan())[0], given)
     weights = replace(given.sculpting.planner.weights, slope_scale_m=arm.scale_m)
-    config = replace(given.sculpting.planner, weights=weights, disagreement_weight=arm.weight)
+    config = replace(
+        given.sculpting.planner, weights=weights, disagreement_weight=arm.weight, count_unexplained=arm.unexplained
+    )
     made = sculpt(
         robot, end_effector, bench.material, goal_m=goal_m, members=planned_members(bench.models[arm.model], WINDOW_M),
         grid=given.grid, config=config, execution=given.sculpting.execution, count=ACTIONS,
         session=Session("uncertainty", robot.clock_s), item=0, log=lambda *_: None,
-        unexplained=_left(bench, arm.model) if arm.unexplained else None,
+        unexplained=_left(bench, arm.model),
     )  # fmt: skip
     plain = ClayObjective(goal_m, WINDOW_M, given.sculpting.planner.weights)
     ends = made.heights_m[[0, -1]]

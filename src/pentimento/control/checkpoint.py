@@ -102,8 +102,6 @@ class SculptureState:
     """Number of sessions: each start and each resumption is one."""
     stopped: Outcome | None
     """Why it is done; None while it is not."""
-    slope_scale_m: float = 0.0
-    """Scale of the objective's slopes (``planning.objectives.Weights``), as two scans of the clay chose it."""
 
 
 def write_checkpoint(path: Path, schema: int, values: Mapping[str, Any], arrays: Arrays) -> None:
@@ -212,7 +210,6 @@ def save_sculpture(folder: Path, state: SculptureState) -> None:
     values = {
         "sessions": state.sessions,
         "stopped": state.stopped,
-        "slope_scale_m": state.slope_scale_m,
         "due": progress.due,
         "holes": progress.holes,
         "pending": progress.pending,
@@ -264,4 +261,4 @@ def _sculpture(values: dict[str, Any], arrays: Arrays) -> SculptureState:
         holes=values["holes"],
         pending=values["pending"],
     )  # fmt: skip
-    return SculptureState(arrays["goal_m"], progress, values["sessions"], values["stopped"], values["slope_scale_m"])
+    return SculptureState(arrays["goal_m"], progress, values["sessions"], values["stopped"])

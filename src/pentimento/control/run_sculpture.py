@@ -33,7 +33,6 @@ from pentimento.control.sculptor import Array, Outcome, Sculptor, SculptureProgr
 from pentimento.goals3d.mesh_files import MESHES
 from pentimento.goals3d.shading import photograph
 from pentimento.goals3d.sources import FloatArray, height_source, relief_of
-from pentimento.planning.objectives import weights_for_scans
 from pentimento.planning.pushes.goal import GoalError, fit_goal, raised_goal, sunken_letters
 from pentimento.robots.tools import load_end_effector, load_feeder
 from pentimento.robots.virtual import virtual_sculpting_robot
@@ -139,21 +138,19 @@ def run_sculpture(
             robot = GuardedSculptingRobot(journaled, push_envelope_for(end_effector, journaled.area_m), places)
             saved = load_sculpture(folder) if has_sculpture(folder) else None
             sessions = saved.sessions + 1 if saved else 1
-            weights = settings.planner.weights
             if saved is not None:
-                goal, weights = saved.goal_m, replace(weights, slope_scale_m=saved.slope_scale_m)
+                goal = saved.goal_m
             else:
                 robot.change_tool(end_effector)
-                seen, again = seen_m(robot.scan())[0], seen_m(robot.scan())[0]
+                seen = seen_m(robot.scan())[0]
                 goal = _goal(commission, settings, seen, robot.area_m, tell=progress.message)
-                weights = weights_for_scans(weights, goal, facts.window_m, (seen, again))
                 _preview(folder, seen, goal, facts.window_m)
                 progress.message(f"Nothing has moved yet; {folder / PREVIEW} shows the clay and the goal.")
             sculptor = Sculptor(
                 robot=robot, end_effector=end_effector, material=commission.material, goal_m=goal,
                 members=clay_members(Graphs(bundle), name), grid=facts.shape,
-                config=replace(settings.planner, seed=commission.seed, weights=weights),
-                execution=settings.execution, count=commission.actions,
+                config=replace(settings.planner, seed=commission.seed), execution=settings.execution,
+                count=commission.actions,
                 # The studio's clock goes on where it stopped: a resumed sculpture is the same session.
                 session=Session(f"sculpture-{commission.material}-{commission.seed}", 0.0), item=0,
                 record=lambda row: write_push(folder / RECORD, row), placer=placer, unexplained=facts.unexplained,
@@ -172,10 +169,8 @@ def _sculpt(
     control: Control,
     progress: Progress,
 ) -> SculptureState:
-    scale_m = sculptor.config.weights.slope_scale_m
-
     def checkpoint(state: SculptureProgress) -> SculptureProgress:
-        save_sculpture(folder, SculptureState(sculptor.goal_m, state, sessions, None, scale_m))
+        save_sculpture(folder, SculptureState(sculptor.goal_m, state, sessions, None))
         return state
 
     def interrupt(state: SculptureProgress) -> tuple[SculptureProgress, Interrupt | None]:
@@ -195,7 +190,7 @@ def _sculpt(
     if stopped is None:
         raise Ended(f"Stopped after {len(state.actions)} pushes. Go on with: pentimento run --resume {folder}")
     _write_summary(folder, sculptor, state, stopped)
-    final = SculptureState(sculptor.goal_m, state, sessions, stopped, scale_m)
+    final = SculptureState(sculptor.goal_m, state, sessions, stopped)
     save_sculpture(folder, final)  # last, so that a sculpture that is saved as done is complete
     return final
 
@@ -293,7 +288,6 @@ def _write_summary(folder: Path, sculptor: Sculptor, state: SculptureProgress, s
         "stopped": stopped,
         "error_3d_mm2": {"before": error[0], "after": error[1]},
         "visual_error": {"before": slope[0], "after": slope[1]},
-        "slope_scale_m": objective.weights.slope_scale_m,
         "holes_filled": state.holes,
     }
     atomic_write(folder / SUMMARY, (json.dumps(summary, indent=2) + "\n").encode())

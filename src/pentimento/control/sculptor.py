@@ -145,7 +145,7 @@ class Sculptor:
     placer: Placer | None = None
     """What sets pellets; None for pushes alone."""
     unexplained: Unexplained | None = None
-    """What the members leave of pushes that they have not seen; None counts as nothing."""
+    """What the members leave of pushes that they have not seen, for ``config.count_unexplained``."""
 
     def begin(self) -> tuple[SculptureProgress, PushPlan]:
         """Scan and plan; nothing moves."""
@@ -188,7 +188,8 @@ class Sculptor:
     def foresight(self) -> EnsembleRollout:
         """The models' predictions with the objective of the goal."""
         objective = ClayObjective(self.goal_m, self.members[0].window_m, self.config.weights)
-        return EnsembleRollout(self.members, objective, self.config.disagreement_weight, unexplained=self.unexplained)
+        unexplained = self.unexplained if self.config.count_unexplained else None
+        return EnsembleRollout(self.members, objective, self.config.disagreement_weight, unexplained=unexplained)
 
     def outcome(self, state: SculptureProgress) -> Outcome | None:
         """See ``control.loop.Task``."""
@@ -317,7 +318,7 @@ def sculpt(
         log: called as ``log("value", objective, actions executed)``.
         earlier: pushes [5] of earlier goals, since the material was smoothed.
         placer: what sets pellets; None for pushes alone.
-        unexplained: what the members leave of pushes that they have not seen; None counts as nothing.
+        unexplained: what the members leave of pushes that they have not seen, for ``config.count_unexplained``.
     """
     rows: list[dict[str, Any]] = []
     sculptor = Sculptor(

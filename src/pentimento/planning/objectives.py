@@ -112,7 +112,7 @@ class Weights:
     """Per squared slope (dimensionless, rise over run)."""
     slope_scale_m: float = 0.0
     """Scale at which slopes are taken (``planning.slopes``): 0 takes central differences, which noise of scans enters
-    in full. Where a robot plans with 0, two scans of the clay choose it (``weights_for_scans``)."""
+    in full. Two scans can choose it (``weights_for_scans``)."""
 
     def __post_init__(self) -> None:
         if not (self.error_3d >= 0 and self.visual >= 0 and self.error_3d + self.visual > 0):
