@@ -110,11 +110,11 @@ def _actions(said: dict[str, Any]) -> str:
     return f"""
 ## Noise of actions that the plan knows of (thesis 7.5.2)
 
-As above, at {said["draws"]} draws a level, on slabs and goals of {seeds} seeds. Plans by
-slopes of neighbouring pixels (*plain*), by slopes at a scale, and by plans that know the noise: pushes are tried in
+Plans of {said["pushes"]} pushes in the learned model; slabs, each with a goal: {seeds}; {said["draws"]} draws a level.
+They are made by slopes of neighbouring pixels (*plain*), by slopes at a scale, or know the noise: pushes are tried in
 the model with and without it, and the share of their energy in height and slope that differs is a cost of each push.
-For each error: what is left without noise and with little of it ({decimal(noise[1])} mm²), and the noise from which
-on acting is worse than not acting. Noise is that of one action of the plain plan, mm².
+For each error: what is left without noise and with little of it ({decimal(noise[1])} mm²), and the noise from which on
+acting is worse than not acting. Noise is that of one action of the plain plan, mm².
 
 | plan | slope | little | worse from | slope at 4 mm | little | worse from | height | little | worse from |
 |---|---|---|---|---|---|---|---|---|---|
