@@ -154,6 +154,7 @@ def main(arguments: argparse.Namespace) -> None:
                 robot, end_effector, arguments.material, goal_m=fit.height_m, members=members, grid=grid,
                 config=sculpting.planner, execution=sculpting.execution, count=sculpting.actions, session=session,
                 item=number, log=run.log_under(name), earlier=executed, placer=placer,
+                unexplained=model.facts.unexplained,
             )  # fmt: skip
             _pictures(folder, window_m, fit, predicted, sculpture)
             rows += sculpture.rows

@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +18,7 @@ from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
 from pentimento.dynamics.pushes.pose import height_errors, in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, write_push_model
 from pentimento.dynamics.pushes.training import TrainingConfig, crop_for, split_by_action, train
+from pentimento.dynamics.pushes.uncertainty import fit_intervals, fit_unexplained, pixels_of
 from pentimento.planning.pushes.place_fit import fit_places, rows_of_places
 from pentimento.planning.pushes.places import FILE as PLACES
 from pentimento.planning.pushes.places import place_model_bytes
@@ -54,7 +55,11 @@ def main(arguments: argparse.Namespace) -> None:
         context = (str(samples.material[0]), str(samples.tool[0]))
         kind: Literal["push", "pinch"] = "push" if samples.kind[0] == "push" else "pinch"
         model = train(in_pose(training, crop), kind, [context], crop=crop, config=config, log=log)
+        unseen = in_pose(held_out, crop)
+        left, pixels = fit_unexplained(model, unseen), pixels_of(model, unseen)
+        model.facts = replace(model.facts, unexplained=left)
         metrics = scores(model, training, held_out, all_samples=samples) | {
+            "unexplained": asdict(left),
             "pushes": {
                 "training": len(training.before),
                 "held_out": len(held_out.before),
@@ -62,8 +67,10 @@ def main(arguments: argparse.Namespace) -> None:
                 "copies": len(repairs.copies),
                 "tilted": repairs.tilted,
                 "holes": repairs.holes,
-            }
+            },
         }
+        if pixels.moved.any():
+            metrics["intervals"] = asdict(fit_intervals(pixels))
         if rows_of_places(checked.table).num_rows:
             places = fit_places(checked.table)
             (out / PLACES).write_bytes(place_model_bytes(places))

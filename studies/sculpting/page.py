@@ -1,7 +1,7 @@
 """Make docs/sculpting.md of what the experiments wrote: `python -m studies.sculpting.page --results DIR --out docs`.
 
 It takes what there is: `alphabet_<material>_<seed>/`, `reliefs*.json`, `smoothing*.json`, `losses*.json`,
-`noise*.json`, `places*.json`.
+`noise*.json`, `uncertainty*.json`, `places*.json`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import read_image, write_png
 from pentimento.report.figures import BLUE, OCHRE, Series, line_chart
 from pentimento.report.wording import decimal, percent
+from studies.sculpting.uncertainty_page import crossing, sections
 
 _PICTURES = "sculpting"
 _RELIEF_PX = 320
@@ -55,6 +56,7 @@ def main(arguments: argparse.Namespace) -> None:
         parts.append(_losses(runs, pictures))
     for file in sorted(arguments.results.glob("noise*.json")):
         parts.append(_noise(_read(file), pictures))
+    parts += [sections(_read(file)) for file in sorted(arguments.results.glob("uncertainty*.json"))]
     for file in sorted(arguments.results.glob("places*.json")):
         said = _read(file)
         shutil.copy(file.with_suffix(".png"), pictures / f"places_{said['material']}.png")
@@ -211,7 +213,7 @@ def _noise(said: dict[str, Any], pictures: Path) -> str:
     )  # fmt: skip
     atomic_write(pictures / "noise.png", chart)
     words = [
-        f"in {word} from {_crossing(noise, shares[name])}"
+        f"in {word} from {crossing(noise, shares[name])} mm² on"
         for word, name in (("slope", "visual_error"), ("height", "error_3d_mm2"))
     ]
     return f"""
@@ -224,15 +226,6 @@ between what an action was to do and what it did, in the push model's square aro
 
 ![noise]({_PICTURES}/noise.png)
 """
-
-
-def _crossing(noise: list[float], shares: list[float]) -> str:
-    """From which noise on an error is above that of doing nothing, by linear interpolation."""
-    for number in range(1, len(shares)):
-        if shares[number] > 1 >= shares[number - 1]:
-            part = (1 - shares[number - 1]) / (shares[number] - shares[number - 1])
-            return f"{decimal(noise[number - 1] + part * (noise[number] - noise[number - 1]))} mm² on"
-    return f"no level up to {decimal(noise[-1])} mm² on"
 
 
 def _places(said: dict[str, Any]) -> str:

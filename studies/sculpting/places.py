@@ -141,7 +141,7 @@ def _sculpted(
     placer: Placer | None,
 ) -> Sculpture:
     return sculpt(
-        robot, end_effector, material, goal_m=goal_m, members=members, config=given.sculpting.planner,
+        robot, end_effector, material, goal_m=goal_m, members=members, grid=given.grid, config=given.sculpting.planner,
         execution=given.sculpting.execution, count=ACTIONS, session=Session("places", robot.clock_s), item=0,
         log=lambda *_: None, placer=placer,
     )  # fmt: skip

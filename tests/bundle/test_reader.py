@@ -377,7 +377,7 @@ def test_open_bundle_rejects_an_envelope_wider_than_the_local_one(bundle: Path) 
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"schema": 1}, "schema 1 and this version reads 9; write the bundle again with the stage deploy"),
+        ({"schema": 1}, "schema 1 and this version reads 10; write the bundle again with the stage deploy"),
         ({"sculpting": {"clay_foam": to_plain(SETTINGS)}}, "refers to 'clay_foam'"),
         ({"schema": "1"}, "schema '1'"),
         ({"more": 1}, r"unknown keys \['more'\]"),
@@ -441,7 +441,7 @@ def test_open_bundle_rejects_a_damaged_vocabulary(tmp_path: Path, text: str) -> 
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"schema": 9, "schema": 9}', '{"schema": NaN}', "[" * 100_000, "\xff"]
+    "text", ["", "[]", "{", '{"schema": 10, "schema": 10}', '{"schema": NaN}', "[" * 100_000, "\xff"]
 )
 def test_open_bundle_rejects_malformed_json(bundle: Path, text: str) -> None:
     (bundle / MANIFEST).write_bytes(text.encode("latin-1"))

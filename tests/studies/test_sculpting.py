@@ -122,3 +122,48 @@ def test_the_page_says_what_pellets_gain_with_its_interval(tmp_path: Path) -> No
     # Two values 0.2 apart: a standard error of 0.1, times t(0.975, 1) = 12.706.
     assert "| a dome | 0.0 % ± 0.0 % | 70 % ± 127 % | 70 % ± 127 % | 0.0 % ± 0.0 % | 50 % ± 0.0 % | 12.0 |" in text
     assert (tmp_path / "docs/sculpting/places_foam.png").is_file()
+
+
+def test_the_page_states_coverage_gains_and_crossings(tmp_path: Path) -> None:
+    kinds = {
+        kind: {
+            "coverage": [0.87, 0.91],
+            "coverage_where_expected": [0.9, 0.92],
+            "coverage_where_it_moved": [0.84, 0.9],
+            "width_mm": 0.5,
+            "score_mm": score,
+        }
+        for kind, score in (("as fitted", 0.7), ("of one width", 0.9))
+    }
+    intervals = {"one": kinds | {"spread_alone": 0.0, "spread_mm2": 0.0, "residual_mm2": 0.04}}
+    sculptures = [
+        {"arm": arm, "seed": seed, "goal": "letter:A", "actions": 20} | {
+            name: [2.0, left] for name in ("error_3d_mm2", "visual_error", "value")
+        }
+        for arm, left in (("one network", 1.0), ("one, unexplained", 0.8)) for seed in (1, 2)
+    ]  # fmt: skip
+    errors = ("error_3d_mm2", "visual_error", "visual_error_at_4_mm")
+    actions = [
+        {"seed": 1, "level": level, "plan": plan, "noise_mm2": noise, "nothing": dict.fromkeys(errors, 1.0),
+         "errors": dict.fromkeys(errors, share)}
+        for level, noise, *shares in ((0.0, 0.0, 0.4, 0.4), (1.0, 0.2, 0.8, 0.7), (2.0, 0.4, 1.2, 0.9))
+        for plan, share in zip(("plain", "noise known"), shares, strict=True)
+    ]  # fmt: skip
+    arm = {"scale_m": 0.004, "errors": dict.fromkeys(errors, 0.5)}
+    scans = [{"seed": seed, "noise_m": 1e-4, "nothing": dict.fromkeys(errors, 1.0), "plain": arm, "at a scale": arm}
+             for seed in (1, 2)]  # fmt: skip
+    said = {"material": "foam", "pushes": 24, "draws": 6, "intervals": intervals, "sculptures": sculptures,
+            "actions": actions, "scans": scans}  # fmt: skip
+    (tmp_path / "uncertainty_foam.json").write_text(json.dumps(said))
+    page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
+    text = (tmp_path / "docs/sculpting.md").read_text().replace("\u00a0", " ")
+    assert (
+        "| one network | 87 % to 91 % | 90 % to 92 % | 84 % to 90 % | 0.500 mm | 0.700 mm | 87 % to 91 % | 0.900 mm |"
+        in text
+    )
+    assert "| one, unexplained | 40 % | 40 % | 40 % | 40 % | 40 % | 40 % | 10 % ± 0.0 % | 20.0 |" in text
+    assert (
+        "| plain | 40 % | 80 % | 0.300 | 40 % | 80 % | 0.300 | 40 % | 80 % | 0.300 |" in text
+    )  # halfway between two levels
+    assert "| noise known | 40 % | 70 % | none up to 0.400 |" in text
+    assert "| 0.1 mm | 4.00 mm | 50 % | 50 % | 0.0 % ± 0.0 % |" in text

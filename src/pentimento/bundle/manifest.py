@@ -7,6 +7,7 @@ from typing import Final, Literal
 
 from pentimento.control.safety import SafetyEnvelope
 from pentimento.control.sculpting_settings import SculptingSettings
+from pentimento.planning.pushes.rollout import Unexplained
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.planning.strokes.config import HandPlanConfig, PlannerConfig
 from pentimento.robots.refill import Depletion
@@ -152,6 +153,8 @@ class ClayFacts:
     the diagnosis has kept none."""
     places: str | None = None
     """Name of the file with the place model (``planning.pushes.places``); None where no pellets were collected."""
+    unexplained: Unexplained | None = None
+    """What the model leaves of pushes; None where that was not measured."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from pentimento.planning.pushes.places import PlaceModel, place_model_from
 from pentimento.planning.strokes.latent import StyleDecoder, decoder_from
 from pentimento.robots.tools import Tool, load_tool
 
-SCHEMA: Final = 9
+SCHEMA: Final = 10
 MANIFEST: Final = "manifest.json"
 OPSETS: Final = (18, 20)
 """First and last operator set that is supported."""

@@ -178,7 +178,7 @@ def run_sculpture(
                 members=clay_members(Graphs(bundle), name), grid=facts.shape,
                 config=replace(settings.planner, seed=commission.seed), execution=settings.execution,
                 count=commission.actions, session=session, item=0,
-                record=lambda row: write_push(folder / RECORD, row), placer=placer,
+                record=lambda row: write_push(folder / RECORD, row), placer=placer, unexplained=facts.unexplained,
             )  # fmt: skip
             return _sculpt(sculptor, folder, saved, sessions, control=control, progress=progress)
         finally:

@@ -25,7 +25,7 @@ from pentimento.planning.pushes.config import Reach, SculptorConfig
 from pentimento.planning.pushes.holes import fill_holes
 from pentimento.planning.pushes.memory import PushMemory
 from pentimento.planning.pushes.plan import PushPlan
-from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel
+from pentimento.planning.pushes.rollout import EnsembleRollout, PushModel, Unexplained
 from pentimento.planning.pushes.scales import plan_for_scan
 from pentimento.robots.driver import SculptingRobot
 from pentimento.robots.tools import EndEffector
@@ -148,6 +148,8 @@ class Sculptor:
     """[5] each: pushes of earlier goals, since the material was smoothed. Without them, the clay is taken as smooth."""
     placer: Placer | None = None
     """What sets pellets; None for pushes alone."""
+    unexplained: Unexplained | None = None
+    """What the members leave of pushes that they have not seen, for ``config.count_unexplained``."""
 
     def begin(self) -> tuple[SculptureProgress, PushPlan]:
         """Scan and plan; nothing moves."""
@@ -190,7 +192,8 @@ class Sculptor:
     def foresight(self) -> EnsembleRollout:
         """The models' predictions with the objective of the goal."""
         objective = ClayObjective(self.goal_m, self.members[0].window_m, self.config.weights)
-        return EnsembleRollout(self.members, objective, self.config.disagreement_weight)
+        unexplained = self.unexplained if self.config.count_unexplained else None
+        return EnsembleRollout(self.members, objective, self.config.disagreement_weight, unexplained=unexplained)
 
     def outcome(self, state: SculptureProgress) -> Outcome | None:
         """See ``control.loop.Task``."""
@@ -305,6 +308,7 @@ def sculpt(
     log: Callable[[str, float, int], None],
     earlier: tuple[FloatArray, ...] = (),
     placer: Placer | None = None,
+    unexplained: Unexplained | None = None,
 ) -> Sculpture:
     """Bring the clay closer to a goal [H, W] with up to ``count`` actions, ``execution.replan_every`` of them per plan.
 
@@ -318,12 +322,13 @@ def sculpt(
         log: called as ``log("value", objective, actions executed)``.
         earlier: pushes [5] of earlier goals, since the material was smoothed.
         placer: what sets pellets; None for pushes alone.
+        unexplained: what the members leave of pushes that they have not seen, for ``config.count_unexplained``.
     """
     rows: list[dict[str, Any]] = []
     sculptor = Sculptor(
         robot=robot, end_effector=end_effector, material=material, goal_m=goal_m, members=members, grid=grid,
         config=config, execution=execution, count=count, session=session, item=item, record=rows.append,
-        earlier=earlier, placer=placer,
+        earlier=earlier, placer=placer, unexplained=unexplained,
     )  # fmt: skip
     begun, first = sculptor.begin()
     log("value", begun.values[0], 0)

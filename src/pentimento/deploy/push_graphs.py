@@ -39,7 +39,7 @@ def clay_facts(
     x_min, y_min, x_max, y_max = (float(edge) for edge in members[0].window_m)
     return ClayFacts(
         members[0].end_effector, facts.kind, (x_min, y_min, x_max, y_max), shape, facts.longest_m, facts.deepest_m,
-        len(members), correction,
+        len(members), correction, unexplained=facts.unexplained,
     )  # fmt: skip
 
 

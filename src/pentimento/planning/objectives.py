@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.frames import Window, pixels_per_m
+from pentimento.contracts.ranges import at_least
+from pentimento.planning.slopes import Slopes, scan_noise_m, slope_scale_m
 from pentimento.render.reconstruction_loss import seen, squared_error, srgb_of
 
 Array = NDArray[np.float32]
@@ -108,14 +110,18 @@ class Weights:
     """Per mm²."""
     visual: float
     """Per squared slope (dimensionless, rise over run)."""
+    slope_scale_m: float = 0.0
+    """Scale at which slopes are taken (``planning.slopes``): 0 takes central differences, which noise of scans enters
+    in full. Two scans can choose it (``weights_for_scans``)."""
 
     def __post_init__(self) -> None:
         if not (self.error_3d >= 0 and self.visual >= 0 and self.error_3d + self.visual > 0):
             raise ValueError(f"The weights are {self.error_3d} and {self.visual}; each is 0 or more, one above 0.")
+        at_least(self, 0, "slope_scale_m")
 
 
 class ClayObjective:
-    """w_3D ‖S' − S‖² + w_viz ‖∇S' − ∇S‖², means over pixels. S' is the goal, ∇ are central differences.
+    """w_3D ‖S' − S‖² + w_viz ‖∇S' − ∇S‖², means over pixels. S' is the goal, ∇ are slopes at the weights' scale.
 
     Slopes are compared, since it is slopes that shading makes visible, under any light.
     """
@@ -133,6 +139,13 @@ class ClayObjective:
         self.goal_m = goal_m
         self.weights = weights
         self.pixels_per_m = pixels_per_m(goal_m.shape, window_m)
+        self.slopes = Slopes((goal_m.shape[0], goal_m.shape[1]), self.pixels_per_m, weights.slope_scale_m)
+
+    def of_changes(self, weights: Weights) -> ClayObjective:
+        """w_3D ‖c‖² + w_viz ‖∇c‖² of a change c [H, W] of height, with other weights."""
+        height, width = self.goal_m.shape
+        window_m = (0.0, 0.0, width / self.pixels_per_m, height / self.pixels_per_m)
+        return ClayObjective(np.zeros_like(self.goal_m), window_m, weights)
 
     def error_3d_mm2(self, height_m: Array) -> FloatArray:
         """Mean squared difference of height [...] of maps [..., H, W], mm²."""
@@ -141,7 +154,7 @@ class ClayObjective:
 
     def visual_error(self, height_m: Array) -> FloatArray:
         """Mean squared difference of slope [...] of maps [..., H, W], summed over both axes."""
-        right, up = _slopes(height_m - self.goal_m, self.pixels_per_m)
+        right, up = self.slopes.of(height_m - self.goal_m)
         of_right = np.square(right).mean(axis=(-2, -1), dtype=np.float64)
         return np.asarray(of_right + np.square(up).mean(axis=(-2, -1), dtype=np.float64))
 
@@ -159,6 +172,8 @@ class ClayObjective:
 
         Only the window in which they differ is evaluated.
         """
+        if self.weights.slope_scale_m > 0 and self.weights.visual > 0:
+            return self._values_by_gradient(before_m, after_m)
         values = np.full(len(after_m), float(self.values(before_m)))
         for number, window in enumerate(changed_windows(after_m - before_m)):
             if window is not None:
@@ -166,10 +181,24 @@ class ClayObjective:
                 values[number] += self._sum(after_m[number][wide], wide) - self._sum(before_m[wide], wide)
         return values
 
+    def _values_by_gradient(self, before_m: Array, after_m: Array) -> FloatArray:
+        """The same by the value and gradient before and the quadratic part of each change: slopes at a scale depend on
+        more than their surroundings near the border."""
+        value, gradient = self._value_and_gradient(before_m.astype(np.float64))
+        values = np.full(len(after_m), value)
+        for number, window in enumerate(changed_windows(after_m - before_m)):
+            if window is not None:
+                change = (after_m[number][window] - before_m[window]).astype(np.float64)
+                height = self.weights.error_3d * _MM**2 * np.square(change).sum()
+                slope = sum(np.square(each).sum() for each in self.slopes.of_window(change, window))
+                values[number] += float((gradient[window] * change).sum())
+                values[number] += (height + self.weights.visual * slope) / self.goal_m.size
+        return values
+
     def _sum(self, height_m: Array, window: tuple[slice, ...]) -> float:
         """Contribution of a window of the map, heights [h, w], to the objective."""
         (rows, columns), difference = self.goal_m.shape, height_m - self.goal_m[window]
-        right, up = _slopes(difference, self.pixels_per_m)
+        right, up = Slopes((difference.shape[0], difference.shape[1]), self.pixels_per_m).of(difference)
         height = self.weights.error_3d * _MM**2 * np.square(difference).sum(dtype=np.float64) / (rows * columns)
         of_right = np.square(right).sum(dtype=np.float64) / (rows * (columns - 2))
         of_up = np.square(up).sum(dtype=np.float64) / ((rows - 2) * columns)
@@ -177,11 +206,35 @@ class ClayObjective:
 
     def __call__(self, height_m: Array) -> tuple[float, Array]:
         """The objective of one map [H, W], and its gradient [H, W] with respect to the heights, per metre."""
+        value, gradient = self._value_and_gradient(height_m)
+        return value, gradient.astype(height_m.dtype)
+
+    def _value_and_gradient(self, height_m: NDArray[Any]) -> tuple[float, NDArray[Any]]:
         difference = height_m - self.goal_m
         gradient = (2 * self.weights.error_3d * _MM**2 / difference.size) * difference
-        right, up = _slopes(difference, self.pixels_per_m)
-        gradient += self.weights.visual * _slopes_back(right, up, difference.shape, self.pixels_per_m)
-        return float(self.values(height_m)), gradient.astype(height_m.dtype)
+        if self.weights.visual > 0:
+            right, up = self.slopes.of(difference)
+            gradient = gradient + 2 * self.weights.visual * self.slopes.back(right / right.size, up / up.size)
+        return float(self.values(height_m)), gradient
+
+
+NOISE_SHARE = 0.05
+"""Share of the visual error before the first action that noise of scans may add to it."""
+
+
+def weights_for_scans(weights: Weights, goal_m: Array, window_m: Window, scans_m: tuple[Array, Array]) -> Weights:
+    """The weights with the scale of slopes that two scans [H, W] of the same clay ask for; a scale above 0 is kept.
+
+    Their difference is the scanner's noise. At that scale it adds no more than ``NOISE_SHARE`` of the visual error
+    between clay and goal [H, W]. Where it adds less to slopes of neighbouring pixels, these are taken.
+    """
+    if weights.slope_scale_m > 0:
+        return weights
+    objective = ClayObjective(goal_m, window_m, weights)
+    noise_m = scan_noise_m(*scans_m)
+    seen = float(np.mean([objective.visual_error(scan) for scan in scans_m]))
+    error = max(seen - (noise_m * objective.pixels_per_m) ** 2, NOISE_SHARE * seen)
+    return replace(weights, slope_scale_m=slope_scale_m(noise_m, objective.pixels_per_m, NOISE_SHARE * error))
 
 
 def changed_windows(change: Array) -> list[tuple[slice, slice] | None]:
@@ -191,23 +244,3 @@ def changed_windows(change: Array) -> list[tuple[slice, slice] | None]:
         rows, columns = np.flatnonzero(there.any(axis=1)), np.flatnonzero(there.any(axis=0))
         windows.append((slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if len(rows) else None)
     return windows
-
-
-def _slopes(height_m: Array, pixels_per_m: float) -> tuple[Array, Array]:
-    """Slope along x [..., H, W − 2] and along y [..., H − 2, W]. Row 0 is the top, so y decreases with the row."""
-    half = 0.5 * pixels_per_m
-    return (
-        half * (height_m[..., :, 2:] - height_m[..., :, :-2]),
-        half * (height_m[..., :-2, :] - height_m[..., 2:, :]),
-    )
-
-
-def _slopes_back(right: Array, up: Array, shape: tuple[int, ...], pixels_per_m: float) -> Array:
-    """The gradient [H, W] of the mean squares of both slopes with respect to the heights."""
-    gradient = np.zeros(shape, right.dtype)
-    of_right, of_up = (pixels_per_m / slope.size * slope for slope in (right, up))  # 2 · half / size
-    gradient[:, 2:] += of_right
-    gradient[:, :-2] -= of_right
-    gradient[:-2, :] += of_up
-    gradient[2:, :] -= of_up
-    return gradient

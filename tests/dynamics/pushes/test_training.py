@@ -29,7 +29,7 @@ def test_trained_model_beats_trivial_baselines(trained: Trained) -> None:
     assert found[0].chamfer_mm < found[2].chamfer_mm
     assert found[0].emd_mm < found[2].emd_mm
     assert trained.losses[9] < trained.losses[0]
-    assert len(trained.losses) == 20
+    assert len(trained.losses) == 10
 
 
 def test_training_is_reproducible(trained: Trained) -> None:

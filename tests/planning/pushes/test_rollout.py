@@ -5,7 +5,7 @@ import pytest
 
 from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.memory import FRESH, PushMemory
-from pentimento.planning.pushes.rollout import EnsembleRollout
+from pentimento.planning.pushes.rollout import EnsembleRollout, Unexplained
 from tests.planning.pushes.clay import WINDOW_M, PressedClay, flat
 
 PUSHES = np.array([[0.03, 0.04, 0.4, 0.02, 0.005], [0.06, 0.05, 2.0, 0.015, 0.004]])
@@ -28,15 +28,50 @@ def test_alternative_actions_have_the_values_of_single_actions() -> None:
     np.testing.assert_allclose(foresight.values_after(states, PUSHES), alone, rtol=1e-5)
 
 
-def test_a_disagreement_weight_of_one_gives_the_expected_3d_error() -> None:
+@pytest.mark.parametrize("weights", [Weights(1.0, 0.0), Weights(1.0, 2.0), Weights(0.5, 2.0, 0.004)])
+def test_a_disagreement_weight_of_one_gives_the_expected_objective(weights: Weights) -> None:
     members = [PressedClay(), PressedClay(strength=0.6)]
-    objective = ClayObjective(GOAL, WINDOW_M, Weights(1.0, 0.0))
+    objective = ClayObjective(GOAL, WINDOW_M, weights)
     states = EnsembleRollout(members, objective, disagreement_weight=1.0).roll_out(flat(), PUSHES)
-    expected = float(objective.error_3d_mm2(states).mean())
+    expected = float(objective.values(states).mean())
     assert EnsembleRollout(members, objective, disagreement_weight=1.0).value(states) == pytest.approx(
         expected, rel=1e-3
     )
     assert EnsembleRollout(members, objective, disagreement_weight=0.0).value(states) < expected
+
+
+def test_equal_members_have_no_spread() -> None:
+    three, one = ([PressedClay()] * count for count in (3, 1))
+    values = [
+        EnsembleRollout(members, OBJECTIVE, weight).value_after_all(flat(), PUSHES)
+        for members, weight in ((three, 9.0), (one, 0.0))
+    ]
+    assert values[0] == pytest.approx(values[1], rel=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_is_unexplained_costs_a_share_of_each_change(count: int) -> None:
+    members = [PressedClay(), PressedClay(radius_m=0.012)][:count]
+    sure = EnsembleRollout(members, OBJECTIVE, 2.0)
+    unsure = EnsembleRollout(members, OBJECTIVE, 2.0, unexplained=Unexplained(height=0.1, slope=0.3))
+    states, spent = sure.start(flat()), 0.0
+    for push in PUSHES:
+        after = sure.act(states, push)
+        change = (after - states).mean(axis=0)
+        zero = ClayObjective(np.zeros_like(GOAL), WINDOW_M, Weights(1.0, 1.0))
+        spent += 2.0 * (0.1 * float(zero.error_3d_mm2(change)) + 2.0 * 0.3 * float(zero.visual_error(change)))
+        states = after
+    difference = unsure.value_after_all(flat(), PUSHES) - sure.value_after_all(flat(), PUSHES)
+    assert difference == pytest.approx(spent, rel=1e-4) and spent > 0
+    between, following = unsure.after_all(flat(), PUSHES[:1])
+    assert following.values_after(between, PUSHES[1:])[0] == pytest.approx(
+        unsure.value_after_all(flat(), PUSHES), rel=1e-5
+    )
+    value, gradient = unsure.value_and_gradient(flat(), PUSHES)
+    assert value == pytest.approx(unsure.value_after_all(flat(), PUSHES), rel=1e-6)
+    way = np.random.default_rng(1).normal(0, 1, PUSHES.shape) * [1e-4, 1e-4, 1e-2, 1e-4, 1e-4]
+    low, high = (unsure.value_after_all(flat(), PUSHES + sign * way) for sign in (-1, 1))
+    assert 0.5 * (high - low) == pytest.approx(float((gradient * way).sum()), rel=0.02)
 
 
 def test_single_member_has_no_variance_cost() -> None:

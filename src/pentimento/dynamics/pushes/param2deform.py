@@ -13,6 +13,7 @@ across, the power and the sinking are fitted. The swept volume has no published 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -104,6 +105,18 @@ class Param2Deform(nn.Module):
             length_m, depth_m: [B].
             context: int64 [B].
         """
+        return self.change(*self.features(state_m, length_m, depth_m, context), context)
+
+    @property
+    def last_layer(self) -> nn.Conv2d:
+        """The convolution that follows the features."""
+        layer = self.merged[-1]
+        assert isinstance(layer, nn.Conv2d)
+        return layer
+
+    def features(self, state_m: Tensor, length_m: Tensor, depth_m: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """What the last layer and the tool's share of the dent are applied to: the dent [B, side, side] in mm, and
+        features [B, F, side/2, side/2]. See ``forward``."""
         state = 1e3 * (state_m - self.at_start(state_m)[:, None, None])
         dent, clearance = self._dent(state, length_m, depth_m, context)
         height = (state / _SCALE_MM).clamp(-_MAX_HEIGHT, _MAX_HEIGHT)
@@ -118,8 +131,12 @@ class Param2Deform(nn.Module):
             _blocks(clearance[:, None] / _SCALE_MM), _blocks(dent[:, None] / _SCALE_MM),
             self.place.expand(state.shape[0], -1, -1, -1),
         ]  # fmt: skip
-        residual = pixel_shuffle(_chain(self.merged, torch.cat(features, dim=1), last=False), 2)[:, 0]
-        change_mm = self.tool[context, 4][:, None, None] * dent + residual
+        return dent, _chain(list(self.merged)[:-1], torch.cat(features, dim=1))
+
+    def change(self, dent_mm: Tensor, features: Tensor, context: Tensor) -> Tensor:
+        """Change of height [B, side, side] in metres from the dent and the features."""
+        residual = pixel_shuffle(self.last_layer(features), 2)[:, 0]
+        change_mm = self.tool[context, 4][:, None, None] * dent_mm + residual
         return 1e-3 * self.fade * change_mm
 
     def pressed(self, state_m: Tensor, length_m: Tensor, depth_m: Tensor, context: Tensor) -> Tensor:
@@ -162,12 +179,10 @@ def _convolutions(*channels: int) -> nn.ModuleList:
     return nn.ModuleList(nn.Conv2d(a, b, 3, padding=1) for a, b in pairwise(channels))
 
 
-def _chain(layers: nn.ModuleList, image: Tensor, last: bool = True) -> Tensor:
-    """Convolutions with activations; the last layer has one only if ``last``."""
-    for number, layer in enumerate(layers, start=1):
-        image = layer(image)
-        if last or number < len(layers):
-            image = silu(image)
+def _chain(layers: Iterable[nn.Module], image: Tensor) -> Tensor:
+    """Convolutions, each followed by an activation."""
+    for layer in layers:
+        image = silu(layer(image))
     return image
 
 

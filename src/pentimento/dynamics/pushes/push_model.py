@@ -18,7 +18,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import Crop, to_canvas, to_pose
 from pentimento.planning.pushes.memory import FRESH, PushMemory
-from pentimento.planning.pushes.rollout import Array, FloatArray, Pull
+from pentimento.planning.pushes.rollout import Array, FloatArray, Pull, Unexplained
 
 _SCHEMA = 1
 """Version of ``config.json``."""
@@ -40,8 +40,10 @@ class PushFacts:
     deepest_m: float
     """Maximum depth in the training set."""
     members: int
-    """Networks of the ensemble, which differ in their random initialisation. Their mean is the prediction, their spread
-    its uncertainty."""
+    """Networks of the ensemble, which differ in their last layer. Their mean is the prediction, their spread its
+    uncertainty (``last_layers``)."""
+    unexplained: Unexplained | None = None
+    """What the model leaves of held-out pushes (``uncertainty``); None where that was not measured."""
 
 
 class PushModel(torch.nn.Module):
@@ -91,7 +93,10 @@ def read_push_model(folder: Path) -> PushModel:
         if config.pop("schema") != _SCHEMA:
             raise ValueError("another schema")
         contexts = tuple((str(material), str(tool)) for material, tool in config.pop("contexts"))
-        model = PushModel(PushFacts(contexts=contexts, crop=Crop(**config.pop("crop")), **config))
+        left = config.pop("unexplained", None)
+        unexplained = None if left is None else Unexplained(**left)
+        crop = Crop(**config.pop("crop"))
+        model = PushModel(PushFacts(contexts=contexts, crop=crop, unexplained=unexplained, **config))
         model.load_state_dict(weights)
     except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
         raise ConfigError(

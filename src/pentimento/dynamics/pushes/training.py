@@ -14,9 +14,10 @@ from torch.utils.data import DataLoader, TensorDataset
 
 from pentimento.contracts.errors import ContractError
 from pentimento.contracts.ranges import above_zero, at_least
+from pentimento.dynamics.pushes.last_layers import fit_last_layers, losses
 from pentimento.dynamics.pushes.measured import PushSamples
 from pentimento.dynamics.pushes.param2deform import Param2Deform
-from pentimento.dynamics.pushes.pose import Crop, PoseSamples, height_errors, slope_errors
+from pentimento.dynamics.pushes.pose import Crop, PoseSamples
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
 from pentimento.dynamics.quiet_lightning import quiet_lightning
 
@@ -40,7 +41,7 @@ class TrainingConfig:
     """Extent of the square behind the start of a push; a pinch is at its centre."""
     channels: int
     members: int
-    """Networks of the ensemble."""
+    """Networks of the ensemble. They differ in their last layer (``last_layers``)."""
     epochs: int
     batch: int
     learning_rate: float
@@ -96,10 +97,7 @@ def split_by_action(samples: PushSamples, held_out: float, seed: int) -> tuple[P
 
 def loss(difference_m: Tensor, known: Tensor, pixels_per_m: float, *, visual_weight: float) -> Tensor:
     """L_3D + ``visual_weight`` · L_viz, mean over [B, H, W] differences, mm²."""
-    total = height_errors(difference_m, known)
-    if visual_weight:
-        total = total + visual_weight * slope_errors(difference_m, known, pixels_per_m)
-    return total.mean()
+    return losses(difference_m, known, pixels_per_m, visual_weight=visual_weight).mean()
 
 
 def train(
@@ -111,43 +109,38 @@ def train(
     config: TrainingConfig,
     log: Log,
 ) -> PushModel:
-    """Fit an ensemble; ``log("loss", value, epoch)`` is called after every epoch, for one member after the other."""
+    """Fit a network, and the ensemble's last layers to resampled pushes.
+
+    ``log("loss", value, epoch)`` is called after every epoch of the network.
+    """
     facts = PushFacts(
         kind, tuple(contexts), crop, config.channels,
         float(samples.length_m.max()), float(samples.depth_m.max()), config.members,
     )  # fmt: skip
     torch.manual_seed(config.seed)
     model = PushModel(facts)
-    for number, member in enumerate(model.members):
-        assert isinstance(member, Param2Deform)
-        fit_tool(member, samples, crop, config)
-        with quiet_lightning():
-            loader = DataLoader(
-                TensorDataset(torch.arange(len(samples.state))),
-                batch_size=config.batch,
-                shuffle=True,
-                generator=torch.Generator().manual_seed(config.seed + number),
-            )
-            trainer = lightning.Trainer(
-                max_epochs=config.epochs,
-                accelerator="cpu",
-                logger=False,
-                enable_checkpointing=False,
-                enable_progress_bar=False,
-                enable_model_summary=False,
-            )
-            trainer.fit(
-                _Fit(
-                    member,
-                    samples,
-                    crop,
-                    config=config,
-                    seed=config.seed + number,
-                    first_step=number * config.epochs,
-                    log=log,
-                ),
-                loader,
-            )
+    first, *others = (member for member in model.members if isinstance(member, Param2Deform))
+    fit_tool(first, samples, crop, config)
+    with quiet_lightning():
+        loader = DataLoader(
+            TensorDataset(torch.arange(len(samples.state))),
+            batch_size=config.batch,
+            shuffle=True,
+            generator=torch.Generator().manual_seed(config.seed),
+        )
+        trainer = lightning.Trainer(
+            max_epochs=config.epochs,
+            accelerator="cpu",
+            logger=False,
+            enable_checkpointing=False,
+            enable_progress_bar=False,
+            enable_model_summary=False,
+        )
+        trainer.fit(_Fit(first, samples, crop, config=config, log=log), loader)
+    if others:
+        for other in others:
+            other.load_state_dict(first.state_dict())
+        fit_last_layers((first, *others), samples, crop, visual_weight=config.visual_weight, seed=config.seed)
     return model.eval()
 
 
@@ -173,14 +166,12 @@ class _Fit(lightning.LightningModule):
         crop: Crop,
         *,
         config: TrainingConfig,
-        seed: int,
-        first_step: int,
         log: Log,
     ) -> None:
         super().__init__()
         self.network, self.samples, self.crop, self.config = network, samples, crop, config
-        self.mirrors = torch.Generator().manual_seed(seed)
-        self.first_step, self.report = first_step, log
+        self.mirrors = torch.Generator().manual_seed(config.seed)
+        self.report = log
         self.losses: list[float] = []
 
     def training_step(self, batch: list[Tensor], _: int) -> Tensor:
@@ -192,7 +183,7 @@ class _Fit(lightning.LightningModule):
         return value
 
     def on_train_epoch_end(self) -> None:
-        self.report("loss", float(np.mean(self.losses)), self.first_step + self.current_epoch)
+        self.report("loss", float(np.mean(self.losses)), self.current_epoch)
         self.losses.clear()
 
     def configure_optimizers(self) -> Any:

@@ -109,6 +109,9 @@ class SculptorConfig:
     edge_m: float
     """Distance that pushes keep from the area's edge."""
     seed: int
+    count_unexplained: bool = False
+    """Whether plans count what the push model leaves of each push, with the same weight as the ensemble's variance; see
+    ``rollout.EnsembleRollout``."""
 
     def __post_init__(self) -> None:
         at_least(

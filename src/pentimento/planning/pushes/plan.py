@@ -63,7 +63,7 @@ def predicted(actions: FloatArray, height_m: Array, foresight: EnsembleRollout) 
     states = foresight.start(height_m)
     means, values = [states.mean(axis=0)], [foresight.value(states)]
     for action in actions:
-        states, foresight = foresight.act(states, action), foresight.following(action[None])
+        states, foresight = foresight.step(states, action)
         means.append(states.mean(axis=0))
         values.append(foresight.value(states))
     return PushPlan(actions, np.stack(means), np.array(values))
@@ -80,14 +80,14 @@ def _extended(
     rng: np.random.Generator,
 ) -> FloatArray:
     """The actions, followed by greedily chosen ones while these help."""
-    states, foresight = foresight.roll_out(height_m, actions), foresight.following(actions)
+    states, foresight = foresight.after_all(height_m, actions)
     value = foresight.value(states)
     while len(actions) < wanted:
         action, lower = best_action(states, foresight, reach, config=config, rng=rng)
         if not helps(value, lower, config):
             break
         actions = np.concatenate([actions, action[None]])
-        states, value, foresight = foresight.act(states, action), lower, foresight.following(action[None])
+        (states, foresight), value = foresight.step(states, action), lower
     return actions
 
 
@@ -96,10 +96,10 @@ def _helping(actions: FloatArray, height_m: Array, foresight: EnsembleRollout, *
     states = foresight.start(height_m)
     value, kept = foresight.value(states), []
     for action in actions:
-        after = foresight.act(states, action)
-        lower = foresight.value(after)
+        after, following = foresight.step(states, action)
+        lower = following.value(after)
         if helps(value, lower, config):
-            states, value, foresight = after, lower, foresight.following(action[None])
+            states, value, foresight = after, lower, following
             kept.append(action)
     return np.stack(kept) if kept else np.zeros((0, 5))
 

@@ -63,12 +63,12 @@ def cross_entropy(
     x_min, y_min, x_max, y_max = reach.window_m
     ranges = [x_max - x_min, y_max - y_min, np.pi, np.ptp(reach.length_m), np.ptp(reach.depth_m)]
     mean, deviation = actions, np.tile(_SHARE * np.array(ranges), (len(actions), 1))
-    best, minimum = actions, foresight.value(foresight.roll_out(height_m, actions))
+    best, minimum = actions, foresight.value_after_all(height_m, actions)
     kept = max(round(config.elite_share * config.samples), 2)
     for _ in range(config.iterations):
         noise = rng.normal(size=(config.samples, *actions.shape))
         drawn = np.stack([reach.keep_within(mean + deviation * sample) for sample in noise])
-        values = np.array([foresight.value(foresight.roll_out(height_m, sample)) for sample in drawn])
+        values = np.array([foresight.value_after_all(height_m, sample) for sample in drawn])
         order = np.argsort(values, kind="stable")
         if values[order[0]] < minimum:
             best, minimum = drawn[order[0]], float(values[order[0]])

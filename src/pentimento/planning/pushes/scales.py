@@ -118,13 +118,13 @@ class ScanObjective(ClayObjective):
         window_m = (0.0, 0.0, shape[1] / of_scan.pixels_per_m, shape[0] / of_scan.pixels_per_m)
         super().__init__(resampled(of_scan.goal_m, grid), window_m, of_scan.weights)
         self._start_m, spread = start_m.astype(np.float64), Spread(grid, shape)
-        rows, columns, half = spread.rows, spread.columns, 0.5 * of_scan.pixels_per_m
+        rows, columns, slopes = spread.rows, spread.columns, of_scan.slopes
         error = (scan_m - of_scan.goal_m).astype(np.float64)
-        right, up = half * (error[:, 2:] - error[:, :-2]), half * (error[:-2] - error[2:])
+        right, up = slopes.of(error)
         self._height = _Square.of(error, rows, columns, _MM**2 / error.size)
         self._slopes = (
-            _Square.of(right, rows, half * (columns[2:] - columns[:-2]), 1 / right.size),
-            _Square.of(up, half * (rows[:-2] - rows[2:]), columns, 1 / up.size),
+            _Square.of(right, slopes.rows.smooth(rows), slopes.columns.slope(columns), 1 / right.size),
+            _Square.of(up, -slopes.rows.slope(rows), slopes.columns.smooth(columns), 1 / up.size),
         )
 
     def error_3d_mm2(self, height_m: Array) -> FloatArray:
@@ -196,10 +196,7 @@ def plan_for_scan(
     if height_m.shape == grid:
         return plan(height_m, foresight, reach, config=config, count=count, item=item, begun=begun)
     start_m = resampled(height_m, grid)
-    on_grid = EnsembleRollout(
-        foresight.members, ScanObjective(foresight.objective, height_m, start_m), foresight.disagreement_weight,
-        memory=foresight.memory,
-    )  # fmt: skip
+    on_grid = foresight.towards(ScanObjective(foresight.objective, height_m, start_m))
     made = plan(start_m, on_grid, reach, config=config, count=count, item=item, begun=begun)
     spread = Spread(grid, (height_m.shape[0], height_m.shape[1]))
     return replace(made, predicted_m=spread.maps(height_m, made.predicted_m))
