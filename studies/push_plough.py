@@ -11,7 +11,6 @@ the groove. G is a Gaussian that is shifted ahead; W = sum w. The rest of the vo
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +26,8 @@ _EDGE_MM = 0.3
 """e: clearance within which rims begin."""
 _TINY = 1e-9
 """Avoids a division by zero where nothing is pressed."""
+_STEP = 1e-3
+"""Of the finite differences, in units of ``_SCALE``: heights are in single precision, too coarse for a smaller one."""
 
 
 class Plough(NamedTuple):
@@ -53,19 +54,19 @@ class Plough(NamedTuple):
 _START = Plough(8.0, 8.0, 2.0, 1.0, 0.1, 0.5, 5.0, 0.0)
 _BOUNDS = (Plough(2.0, 2.0, 1.2, 0.4, 0.0, 0.0, 1.0, -10.0), Plough(30.0, 30.0, 8.0, 2.0, 0.9, 1.0, 20.0, 10.0))
 _SCALE = Plough(8.0, 8.0, 2.0, 1.0, 0.1, 0.5, 5.0, 5.0)
+"""Typical sizes."""
 
 
-def footprint(plough: Plough | Tensor, state_m: Tensor, length_m: Tensor, depth_m: Tensor, crop: Crop) -> Tensor:
+def footprint(plough: Plough, state_m: Tensor, length_m: Tensor, depth_m: Tensor, crop: Crop) -> Tensor:
     """Change of height [B, side, side] in metres, in the constant pose.
 
     Args:
-        plough: as a tensor, the numbers [8] in their order.
         state_m: [B, side, side] height above the surface at the start of the push.
         length_m, depth_m: [B].
     """
     *underside, rebound, rim, width_mm, ahead_mm = plough
     x_mm, y_mm = (1e3 * crop.places_m()).unbind(-1)
-    tool = Underside(*(torch.as_tensor(number).expand_as(length_m) for number in underside))
+    tool = Underside(*(torch.full_like(length_m, number) for number in underside))
     clearance = clearance_mm(x_mm, y_mm, length_mm=1e3 * length_m, depth_mm=1e3 * depth_m, tool=tool) - 1e3 * state_m
     dent = (-clearance).clamp(min=0.0)
     spread = _gaussian(y_mm[:, 0], width_mm, 0.0) @ dent @ _gaussian(x_mm[0], width_mm, ahead_mm).T
@@ -80,17 +81,15 @@ def fit_plough(training: PushSamples, crop: Crop) -> Plough:
     weight = seen.known.float()
     weight = (weight / weight.sum((1, 2), keepdim=True).clamp(min=1.0) / len(weight)).sqrt()
 
-    def residuals(numbers: Tensor) -> Tensor:
-        change = footprint(numbers, seen.state, seen.length_m, seen.depth_m, crop)
-        return (1e3 * weight * (change - seen.change)).flatten()
+    def residuals(numbers: np.ndarray) -> np.ndarray:
+        change = footprint(Plough(*map(float, numbers)), seen.state, seen.length_m, seen.depth_m, crop)
+        return (1e3 * weight * (change - seen.change)).flatten().double().numpy()
 
-    def in_double(of: Callable[[Tensor], Tensor]) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda numbers: of(torch.from_numpy(numbers.astype(np.float32))).double().numpy()
+    def jacobian(numbers: np.ndarray) -> np.ndarray:
+        at, steps = residuals(numbers), _STEP * np.array(_SCALE)
+        return np.stack([(residuals(numbers + e) - at) / e.sum() for e in np.diag(steps)], axis=1)
 
-    fitted = least_squares(
-        in_double(residuals), _START, in_double(torch.func.jacfwd(residuals)),
-        bounds=_BOUNDS, x_scale=_SCALE, ftol=1e-4, xtol=1e-4,
-    )  # fmt: skip
+    fitted = least_squares(residuals, _START, jacobian, bounds=_BOUNDS, x_scale=_SCALE, ftol=1e-4, xtol=1e-4)
     return Plough(*map(float, fitted.x))
 
 
@@ -109,6 +108,6 @@ def _above_start(samples: PushSamples, crop: Crop) -> PoseSamples:
     return seen._replace(state=seen.state - torch.from_numpy(samples.surface_m.astype(np.float32))[:, None, None])
 
 
-def _gaussian(places_mm: Tensor, width_mm: float | Tensor, ahead_mm: float | Tensor) -> Tensor:
+def _gaussian(places_mm: Tensor, width_mm: float, ahead_mm: float) -> Tensor:
     """[P, P]: how much of what is displaced at a place (second axis) comes up at another (first axis)."""
     return torch.exp(-(((places_mm[:, None] - places_mm - ahead_mm) / width_mm).square()) / 2)

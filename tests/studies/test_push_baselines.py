@@ -35,7 +35,7 @@ def test_mirrored_push_leaves_mirrored_footprint() -> None:
     rough = 1e-3 * torch.rand(3, 64, 64, generator=torch.Generator().manual_seed(0))
     change = footprint(PLOUGH, rough, LENGTH_M, DEPTH_M, CROP)
     mirrored = footprint(PLOUGH, rough.flip(1), LENGTH_M, DEPTH_M, CROP)
-    torch.testing.assert_close(mirrored, change.flip(1), rtol=0, atol=1e-8)
+    torch.testing.assert_close(mirrored, change.flip(1), rtol=0, atol=1e-7)
     assert not torch.allclose(change, change.flip(1), atol=1e-5)
 
 
