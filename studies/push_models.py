@@ -36,7 +36,7 @@ from pentimento.robots.virtual import VirtualSculptingRobot
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld, load_clay_world
 from studies.push_models_page import page
-from studies.push_plough import fit_plough, ploughed
+from studies.push_plough import above_start, fit_plough, ploughed
 from studies.push_unet import after_unet, fit_unet
 
 MATERIALS = ("foam", "dough", "sand")
@@ -158,7 +158,7 @@ class World:
     def plough(self, name: str) -> dict[str, Any]:
         training, held_out = self.samples(name)
         crop = crop_for(training, CONFIG)
-        plough = fit_plough(training, crop)
+        plough = fit_plough(above_start(training, crop), crop)
         return {"held_out": asdict(score(ploughed(plough, held_out, crop), held_out, crop)), "fitted": plough._asdict()}
 
     def unet(self, name: str) -> dict[str, Any]:

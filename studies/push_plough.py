@@ -75,9 +75,8 @@ def footprint(plough: Plough, state_m: Tensor, length_m: Tensor, depth_m: Tensor
     return 1e-3 * (1.0 - rebound) * (heaped[:, None, None] * weight - dent)
 
 
-def fit_plough(training: PushSamples, crop: Crop) -> Plough:
-    """Least squares on the training pushes: the mean of L_3D over them."""
-    seen = _above_start(training, crop)
+def fit_plough(seen: PoseSamples, crop: Crop) -> Plough:
+    """Least squares: the mean of L_3D over pushes of ``above_start``."""
     weight = seen.known.float()
     weight = (weight / weight.sum((1, 2), keepdim=True).clamp(min=1.0) / len(weight)).sqrt()
 
@@ -95,14 +94,14 @@ def fit_plough(training: PushSamples, crop: Crop) -> Plough:
 
 def ploughed(plough: Plough, samples: PushSamples, crop: Crop) -> Tensor:
     """Heights [N, H, W] after each push, over the whole window, metres."""
-    seen = _above_start(samples, crop)
+    seen = above_start(samples, crop)
     change = footprint(plough, seen.state, seen.length_m, seen.depth_m, crop)
     window, action = (torch.from_numpy(array.astype(np.float32)) for array in (samples.window_m, samples.action))
     _, height, width = samples.before.shape
     return torch.from_numpy(samples.before) + to_canvas(change, window, action, shape=(height, width), crop=crop)
 
 
-def _above_start(samples: PushSamples, crop: Crop) -> PoseSamples:
+def above_start(samples: PushSamples, crop: Crop) -> PoseSamples:
     """The pushes in the constant pose, with heights above the surface at their starts."""
     seen = in_pose(samples, crop)
     return seen._replace(state=seen.state - torch.from_numpy(samples.surface_m.astype(np.float32))[:, None, None])
