@@ -3,7 +3,7 @@
 Each world is drawn by its seed: foam, dough and sand whose strengths and constants differ from the bundled files. The
 robot makes 400 designed pushes in each (24 actions three times); a quarter of the actions is held out. Every part of
 the study is written to `data/studies/push_models/` as it is done, and is not done again; `docs/push_models.md` is then
-written from all that is there.
+written from all that is there (`--parts 0` only writes it).
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ from pentimento.robots.virtual import VirtualSculptingRobot
 from pentimento.studio.clay.studio import ClayStudio
 from pentimento.studio.clay.world import ClayWorld, load_clay_world
 from studies.push_models_page import page
+from studies.push_plough import above_start, fit_plough, ploughed
+from studies.push_unet import after_unet, fit_unet
 
 MATERIALS = ("foam", "dough", "sand")
 SIZES = (25, 50, 100, 200)
@@ -88,14 +90,19 @@ class World:
         for material in MATERIALS:
             made[f"both_{material}"] = lambda m=material: self.single(m, "both", 1.0)
         for material in MATERIALS:
+            made[f"plough_{material}"] = lambda m=material: self.plough(m)
+        for material in MATERIALS:
+            made[f"unet_{material}"] = lambda m=material: self.unet(m)
+        for material in MATERIALS:
             made[f"3d_{material}"] = lambda m=material: self.single(m, "3d", 0.0)
         made["transfer"] = self.transfer
-        made["collect_pinch"] = lambda: self.collect("pinch", "gripper")
-        made["both_pinch"] = lambda: self.single("pinch", "both", 1.0)
         made["conditioned"] = self.conditioned
-        made["longer"] = self.longer
         for material in MATERIALS:
             made[f"unseen_{material}"] = lambda m=material: self.unseen(m)
+        made["longer"] = self.longer
+        made["collect_pinch"] = lambda: self.collect("pinch", "gripper")
+        made["both_pinch"] = lambda: self.single("pinch", "both", 1.0)
+        for material in MATERIALS:
             for size in SIZES:
                 made[f"size_{size}_{material}"] = lambda m=material, n=size: self.smaller(m, n)
             made[f"outside_{material}"] = lambda m=material: self.outside(m)
@@ -127,9 +134,7 @@ class World:
         if (target / "weights.safetensors").exists():
             return read_push_model(target)
         parts = list(trained_on.values())
-        rows = sum(len(part.before) for part in parts)
-        epochs = math.ceil(PASSES * passes / rows)
-        config = replace(CONFIG, epochs=epochs, visual_weight=visual_weight)
+        config = replace(CONFIG, epochs=_epochs(parts, passes), visual_weight=visual_weight)
         crop = crop_for(parts[0], config)
         kind: Literal["push", "pinch"] = "push" if parts[0].kind[0] == "push" else "pinch"
         contexts = [(key, str(part.tool[0])) for key, part in trained_on.items()]
@@ -149,6 +154,17 @@ class World:
         training, held_out = self.samples(name)
         model = self.fit(f"{losses}_{name}", {name: training}, visual_weight)
         return scores(model, training, held_out, all_samples=held_out)
+
+    def plough(self, name: str) -> dict[str, Any]:
+        training, held_out = self.samples(name)
+        crop = crop_for(training, CONFIG)
+        plough = fit_plough(above_start(training, crop), crop)
+        return {"held_out": asdict(score(ploughed(plough, held_out, crop), held_out, crop)), "fitted": plough._asdict()}
+
+    def unet(self, name: str) -> dict[str, Any]:
+        training, held_out = self.samples(name)
+        network = fit_unet(training, replace(CONFIG, epochs=_epochs([training])))
+        return {"held_out": asdict(score(after_unet(network, held_out), held_out, crop_for(training, CONFIG)))}
 
     def transfer(self) -> dict[str, Any]:
         """L_3D of each material's model on each material."""
@@ -200,6 +216,11 @@ class World:
     @staticmethod
     def _error(model: PushModel, samples: PushSamples, context: int = 0) -> float:
         return score(predict(model, samples, context), samples, model.facts.crop).l_3d_mm2
+
+
+def _epochs(parts: Sequence[PushSamples], passes: float = 1.0) -> int:
+    """Epochs in which so many times ``PASSES`` pushes of these sets are seen."""
+    return math.ceil(PASSES * passes / sum(len(part.before) for part in parts))
 
 
 def _within(samples: PushSamples) -> np.ndarray:
@@ -290,7 +311,7 @@ def _fit_context(
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.push_models", description=__doc__)
-    parser.add_argument("--worlds", type=int, default=20)
+    parser.add_argument("--worlds", type=int, default=5)
     parser.add_argument("--parts", type=int, default=10**6, help="stop after so many parts that were not there")
     parser.add_argument("--out", type=Path, default=Path("data/studies/push_models"))
     args = parser.parse_args()
@@ -303,11 +324,11 @@ def main() -> None:
         file = world.folder / f"{name}.json"
         if not file.exists() and left > 0:
             print(f"world {seed}: {name} …", flush=True)
-            file.write_text(json.dumps(world.parts()[name](), indent=1))
+            file.write_text(json.dumps(world.parts()[name](), indent=1), encoding="utf-8")
             left -= 1
         if file.exists():
-            found[seed][name] = json.loads(file.read_text())
-    DOCS.write_text(page([results for results in found.values() if results]))
+            found[seed][name] = json.loads(file.read_text(encoding="utf-8"))
+    DOCS.write_text(page([results for results in found.values() if results]), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -14,13 +14,13 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.stats import t as student_t
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import read_image, write_png
 from pentimento.report.figures import BLUE, OCHRE, Series, line_chart
 from pentimento.report.wording import decimal, percent
 from studies.sculpting.uncertainty_page import crossing, sections
+from studies.student_t import mean_interval
 
 _PICTURES = "sculpting"
 _RELIEF_PX = 320
@@ -285,9 +285,8 @@ def _removed(errors: dict[str, Any], name: str) -> float:
 
 def _interval(shares: list[float]) -> str:
     """Mean and half-width of its 95 % interval by Student's t."""
-    count = len(shares)
-    half = float(student_t.ppf(0.975, count - 1) * np.std(shares, ddof=1) / np.sqrt(count)) if count > 1 else np.nan
-    return f"{percent(float(np.mean(shares)))} ± {percent(half)}"
+    mean = mean_interval(shares)
+    return f"{percent(mean.value)} ± {percent(mean.high - mean.value)}"
 
 
 def _read(path: Path) -> dict[str, Any]:

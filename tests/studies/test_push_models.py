@@ -3,8 +3,6 @@
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
-
 from pentimento.contracts.pushes import example_table
 from pentimento.dynamics.pushes.measured import load_pushes
 from studies.push_models import MATERIALS, World, _some, _within, drawn_world
@@ -42,6 +40,8 @@ def test_every_part_has_a_place_on_the_page(tmp_path: Path) -> None:
         world[name] = {
             "collect": {"rows": 400},
             "both": single,
+            "plough": {"held_out": worse, "fitted": {}},
+            "unet": {"held_out": worse},
             "3d": {"held_out": held_out | {"model": worse}, "held_out_repeats": repeats},
             "transfer": square,
             "conditioned": dict.fromkeys(MATERIALS, 0.011),
@@ -51,11 +51,31 @@ def test_every_part_has_a_place_on_the_page(tmp_path: Path) -> None:
             "outside": {"within": 0.01, "beyond": 0.03, "beyond_by_all": 0.015},
         }[kind]
     said = page([world, world])
-    assert "2 of 20" in said
-    assert "| foam | 2 | 0.0120 | 0.0100 | 1.20 | ≤ 1.5 (met) | 1.00 |" in said
-    assert "lower on 3 of 3 materials" in said
-    assert "| foam | 2 | 0.0500 | 0.0600 | 0.0400 | 0.0200 | 0.40 (met) | 0.0100 |" in said
-    assert "| foam | 0.0100 | 0.0115 | 0.0110 | 1.10 | 0.96 |" in said
-    assert said.count("\n## ") == 8
-    assert not np.any(["nan" in line for line in said.splitlines()])
-    assert "## Held-out" in page([{"both_foam": single}])
+    assert "Simulated worlds: 2." in said
+    assert "| foam | analytic plough | 2 | 0.0240 ± 0.0000 | 0.00600 ± 0.00000 | 0.500 ± 0.000 |" in said
+    assert "| foam | 2 | 0.0120 ± 0.0000 | 0.0100 ± 0.0000 | 1.20 ± 0.00 | ≤ 1.2 (**met**) |" in said
+    assert "| sand | 2 | 0.0120 ± 0.0000 | 0.0100 ± 0.0000 | 1.20 ± 0.00 | ≤ 1.15 (not met) |" in said
+    assert "| foam | 2 | 0.500 ± 0.000 | < 1 (**met**) | 0.500 ± 0.000 | lower |" in said
+    assert "0.40 ± 0.00 | ≤ 0.5 (**met**) | 0.0100 ± 0.0000 |" in said
+    assert "| 1.100 ± 0.000 | ≤ 1.02 (not met) | 2 | 0.957 ± 0.000 |" in said
+    assert said.count("\n## ") == 9
+    assert "nan" not in said
+
+
+def test_rows_need_not_have_the_same_worlds() -> None:
+    """Foam's paired ratios over worlds are 0.5 and 0.7: 0.6 ± t(0.975, 1) 0.1."""
+
+    def world(model: float, unet: float) -> dict[str, object]:
+        scores = dict.fromkeys(("l_3d_mm2", "l_viz", "window_l_3d_mm2"))
+        both = {name: dict.fromkeys(scores, model) for name in ("model", "mean_footprint", "unchanged")}
+        return {"both_foam": {"held_out": both}, "unet_foam": {"held_out": dict.fromkeys(scores, unet)}}
+
+    only = {"both_foam": world(0.3, 1.0)["both_foam"]}
+    said = page([world(0.1, 0.2), world(0.21, 0.3), only])
+    rows = {line.split(" | ")[1]: line.split(" | ") for line in said.splitlines() if line.startswith("| foam |")}
+    assert rows["param2deform"][2] == "3"
+    assert rows["U-Net without the warp"][2] == "2"
+    assert rows["U-Net without the warp"][5] == "0.600 ± 1.271"
+    alone = page([only])
+    assert "| foam | param2deform | 1 | 0.3000 | 0.30000 | – | 0.3000 |" in alone
+    assert "nan" not in alone
