@@ -20,7 +20,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import write_png
@@ -28,6 +27,7 @@ from pentimento.goals3d.shading import photograph
 from pentimento.planning.pushes.analytic.model import AnalyticPush, first_model
 from pentimento.planning.pushes.analytic.scene import local_places, push_scene
 from pentimento.report.wording import decimal, percent
+from studies.student_t import mean_interval
 
 FloatArray = NDArray[np.float64]
 
@@ -205,8 +205,8 @@ def share(value: float, of: float) -> float:
 
 def interval(values: list[float]) -> tuple[float, float]:
     """Mean, and half the width of its 95 % interval (Student's t) as if the values were independent."""
-    half = student_t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values))
-    return float(np.mean(values)), float(half)
+    found = mean_interval(values)
+    return found.value, found.high - found.value
 
 
 def rise_mm(pair: Transition, after_m: FloatArray) -> float:

@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student_t
 
 from pentimento.report.wording import decimal, percent
 from studies.sculpting.uncertainty import ERRORS, summary
+from studies.student_t import mean_interval
 
 _MODELS = {
     "one": "one network", "three": "three last layers on one network", "apart": "three networks trained apart"
@@ -164,5 +164,5 @@ def _range(shares: Sequence[float]) -> str:
 
 
 def _interval(gains: np.ndarray) -> str:
-    half = float(student_t.ppf(0.975, len(gains) - 1) * np.std(gains, ddof=1) / np.sqrt(len(gains)))
-    return f"{percent(float(np.mean(gains)))} ± {percent(half)}"
+    found = mean_interval(gains)
+    return f"{percent(found.value)} ± {percent(found.high - found.value)}"
