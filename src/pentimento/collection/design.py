@@ -70,8 +70,8 @@ class CollectionConfig:
         above_zero(self, "margin_m", "pixels_per_m")
         if self.repeated * self.times > self.strokes:
             raise ValueError(
-                f"strokes is {self.strokes}; repeated {self.repeated} × times {self.times} needs at least "
-                f"{self.repeated * self.times}: raise strokes, or lower repeated."
+                f"repeated is {self.repeated}; with times {self.times}, strokes must be at least "
+                f"{self.repeated * self.times} and is {self.strokes}: raise strokes, or lower repeated."
             )
         if self.crossing_share > 1:
             raise ValueError(f"crossing_share is {self.crossing_share}; it is a share of the strokes, at most 1.")

@@ -64,12 +64,12 @@ def test_command_prints_the_curve_and_the_error_of_a_blank_prediction(
     monkeypatch.setattr(learning_curve, "_MIN_STEPS", 30)
     pq.write_table(example_table(32), tmp_path / "rows.parquet")
     assert main(["enough", str(tmp_path / "rows.parquet")]) == 0
-    sampling, *lines = capsys.readouterr().out.splitlines()
+    sampling, *lines, advice = capsys.readouterr().out.splitlines()
     assert "compared at 0.5 px/mm" in sampling
     errors = [float(line.split()[2]) for line in lines[1:-2]]
     blank = float(lines[-2].split()[1])
     assert len(errors) == 2 and max(errors) < 0.3 * blank
-    assert "95 %" in lines[-1]
+    assert "95 %" in lines[-1] and "a diagnosis wants at least a hundred" in advice
 
 
 def test_rejects_too_few_actions_for_a_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
