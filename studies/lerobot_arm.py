@@ -153,9 +153,7 @@ def patient() -> None:
 
     feetech.patch_setPacketTimeout = set_timeout
     driver.LATE_S = 600.0  # type: ignore[misc]
-    sys.setswitchinterval(
-        1e-4
-    )  # Feetech's package waits for an answer without sleeping, which would hold the servos up
+    sys.setswitchinterval(1e-4)  # Feetech's package waits without sleeping, which would hold the servos up
 
 
 def uncalibrated(rig: Rig) -> list[str]:

@@ -36,9 +36,8 @@ from pentimento.semantics.tokenizer import learn_tokenizer
 from pipelines.finetune_goal_planner import _surveyed, _training_parts
 
 SIDE_PX, ROWS_A_FILE = 512, 500
-BATCH, STEPS, STEP_S = 16, 400, 0.5
-"""Pairs of a step, steps that are timed, and the step beside which waiting is counted: about what the published size
-takes on one large GPU."""
+BATCH, STEPS, STEP_S = 16, 400, 0.27
+"""Pairs of a step, steps that are timed, and the step beside which waiting is counted: that of docs/on_a_gpu.md."""
 _LINES = 60
 _CAPTIONS = ("a red disc", "a blue square", "a green disc on grey", "a yellow square")
 _DOWN = 8  # pixels of a picture for one of its latents

@@ -62,7 +62,7 @@ FloatArray = NDArray[np.float64]
 
 TOOL = "ball"
 WINDOW_M = np.array([0.0, 0.0, 0.2, 0.2])
-TEST_SEEDS, TEST_PUSHES = (11, 12, 13), 40
+TEST_SEEDS, TEST_PUSHES = (21, 22, 23), 40
 GOALS = ("shape:cross", "letter:A", "letter:S")
 SIDE_SHARE = 0.7
 ACTIONS, BATCH = 24, 4

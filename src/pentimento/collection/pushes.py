@@ -56,8 +56,8 @@ class PushCollectionConfig:
         above_zero(self, "scan_pixels")
         if self.repeated * self.times > self.pushes:
             raise ValueError(
-                f"pushes is {self.pushes}; repeated {self.repeated} × times {self.times} needs at least "
-                f"{self.repeated * self.times}: raise pushes, or lower repeated."
+                f"repeated is {self.repeated}; with times {self.times}, pushes must be at least "
+                f"{self.repeated * self.times} and is {self.pushes}: raise pushes, or lower repeated."
             )
         if self.revisit_share > 1:
             raise ValueError(f"revisit_share is {self.revisit_share}; it is a share of the pushes, at most 1.")

@@ -53,7 +53,7 @@ def fit_last_layers(
                 parameter.grad = None
             difference = member.change(dent, features, context) - change
             value = (weight * losses(difference, known, crop.pixels_per_m, visual_weight=visual_weight)).sum()
-            value.backward()  # type: ignore[no-untyped-call]
+            torch.autograd.backward(value)
             return value
 
         optimizer.step(closure)  # type: ignore[no-untyped-call]
