@@ -88,14 +88,15 @@ def letters_section(folders: list[Path], pictures: Path) -> str:
             f"{without} of {len(records)} |"
         )
         worst += [f"In {material}: {', '.join(wrong)}."] if wrong else []
-        _write_letters(folder, pictures / f"letters_{material}.png")
-        images.append(f"In {material}:\n\n![letters]({_PICTURES}/letters_{material}.png)\n")
+        _write_letters(folder, pictures / f"letters_{material}.jpg")
+        images.append(f"In {material}:\n\n![letters]({_PICTURES}/letters_{material}.jpg)\n")
     return f"""
 ## A to Z, each letter in a smooth slab
 
-The goals are letters of DejaVu Serif, {1e3 * records[0]["reach_m"]:g} mm deep. The classifier that reads the result was
-trained on rendered letters of other font families (STIX, Computer Modern), never on a sculpture. *Removed* is the
-share of the error that is removed, mean of the letters and lowest of them. *Smooth slab* is the baseline: the same classifier on the slab before the first push.
+The goals are letters of DejaVu Serif, {1e3 * records[0]["reach_m"]:g} mm deep. The classifier was trained on rendered
+letters of other font families (STIX, Computer Modern), never on a sculpture. *Removed* is the removed share of the
+error: the mean of the letters, and the lowest of them. *Smooth slab* is the baseline: the same classifier on the slab
+before the first push.
 
 | material | tool | seed | pushes | height removed | lowest | slope removed | lowest | read correctly | smooth slab |
 |---|---|---|---|---|---|---|---|---|---|
@@ -119,7 +120,8 @@ def _write_letters(folder: Path, to: Path) -> None:
     ]
     results += [np.full_like(results[0], 255)] * (-len(results) % _IN_A_ROW)
     rows = [np.hstack(results[first : first + _IN_A_ROW]) for first in range(0, len(results), _IN_A_ROW)]
-    write_png(to, np.vstack(rows))
+    _, data = cv2.imencode(".jpg", np.vstack(rows)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
+    atomic_write(to, data.tobytes())
 
 
 def _alphabet(folder: Path, pictures: Path) -> str:
