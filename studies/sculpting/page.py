@@ -172,11 +172,13 @@ def _reliefs(files: list[Path], pictures: Path) -> str:
         said = _read(file)
         errors = ("error_3d_mm2", "visual_error", "visual_error_on_grid")
         removed = {name: percent(1 - said[name][1] / said[name][0]) for name in errors}
-        plans = said["plans"]
+        noise, plans = said["noise_of_a_scan"]["visual_error"], said["plans"]
+        before, after = said["visual_error"]
         lines.append(
             f"| {said['goal']} | {said['seed']} | {len(said['actions'])} | {decimal(said['error_3d_mm2'][0])} | "
             f"{decimal(said['error_3d_mm2'][1])} | {removed['error_3d_mm2']} | {removed['visual_error']} | "
-            f"{removed['visual_error_on_grid']} | {plans['wall_s']:.0f} s | {plans['cpu_s']:.0f} s |"
+            f"{percent(noise / before)} | {percent(1 - (after - noise) / (before - noise))} | "
+            f"{removed['visual_error_on_grid']} | {plans['cpu_s']:.0f} s |"
         )
         three = read_image(file.with_suffix(".png"))
         shape = (3 * _RELIEF_PX, _RELIEF_PX)
@@ -189,12 +191,13 @@ def _reliefs(files: list[Path], pictures: Path) -> str:
 Scans have {side} × {side} pixels, and errors are those of the scans. The push model, and with it the plan, has
 {grid} × {grid}: predicted changes are brought to the scan's pixels by linear interpolation, and the plan lowers the
 error there ([performance](performance.md#plans-of-sculptures)). The deepest place lies 9 mm below the foam's mean
-height. Replanned after every fourth push; the last columns are the time of all plans of a sculpture together, in one
-process with one thread.
-*On the plan's pixels* is the error in slope of scans averaged to {grid} × {grid}.
+height. Replanned after every fourth push; *CPU* is the time of all plans of a sculpture together.
+*Scan noise* is the share of the slope error before the first push that is noise of the scan: half the error between
+two scans of the same surface. *Without it* is the removed share after this noise is subtracted from both errors.
+*Plan's pixels* is the slope error of scans averaged to {grid} × {grid}.
 
-| relief | seed | pushes | height before | after | removed | of slope | on the plan's pixels | planning | processor |
-|---|---|---|---|---|---|---|---|---|---|
+| relief | seed | pushes | height before | after | removed | slope removed | scan noise | without it | plan's pixels | CPU |
+|---|---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 
 Before, goal and result of each:
