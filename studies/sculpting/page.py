@@ -194,9 +194,9 @@ error there ([performance](performance.md#plans-of-sculptures)). The deepest pla
 height. Replanned after every fourth push; *CPU* is the time of all plans of a sculpture together.
 *Scan noise* is the share of the slope error before the first push that is noise of the scan: half the error between
 two scans of the same surface. *Without it* is the removed share after this noise is subtracted from both errors.
-*Plan's pixels* is the slope error of scans averaged to {grid} × {grid}.
+*Coarse* is the slope error of scans averaged to {grid} × {grid}.
 
-| relief | seed | pushes | height before | after | removed | slope removed | scan noise | without it | plan's pixels | CPU |
+| relief | seed | pushes | height before | after | removed | slope removed | scan noise | without it | coarse | CPU |
 |---|---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 
