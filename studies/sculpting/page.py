@@ -1,7 +1,7 @@
 """Make docs/sculpting.md of what the experiments wrote: `python -m studies.sculpting.page --results DIR --out docs`.
 
-It takes what there is: `alphabet_<material>_<seed>/`, `reliefs*.json`, `smoothing*.json`, `losses*.json`,
-`noise*.json`, `uncertainty*.json`, `places*.json`.
+It takes what there is: `letters_<material>_<seed>/`, `alphabet_<material>_<seed>/`, `reliefs*.json`,
+`smoothing*.json`, `losses*.json`, `noise*.json`, `uncertainty*.json`, `places*.json`.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from studies.student_t import mean_interval
 _PICTURES = "sculpting"
 _RELIEF_PX = 320
 """Side of each picture of a relief."""
+_LETTER_PX, _IN_A_ROW = 160, 7
+"""Side of each picture of a letter, and letters in a row."""
 
 _OPENING = """# Sculpting: what the planner can do
 
@@ -42,6 +44,9 @@ def main(arguments: argparse.Namespace) -> None:
     pictures = arguments.out / _PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
     parts = [_OPENING]
+    letters = sorted(arguments.results.glob("letters_*"))
+    if letters:
+        parts.append(letters_section(letters, pictures))
     for folder in sorted(arguments.results.glob("alphabet_*")):
         parts.append(_alphabet(folder, pictures))
     reliefs = sorted(arguments.results.glob("reliefs*.json"))
@@ -64,11 +69,66 @@ def main(arguments: argparse.Namespace) -> None:
     atomic_write(arguments.out / "sculpting.md", "\n".join(parts).encode())
 
 
+def letters_section(folders: list[Path], pictures: Path) -> str:
+    """Letters in slabs of their own: one table row and one picture for each material."""
+    lines, images, worst = [], [], []
+    for folder in folders:
+        _, material, seed = folder.name.split("_")
+        records = [_read(file) for file in sorted(folder.glob("*.json"), key=_number)]
+        removed = {name: [record[name]["removed"] for record in records] for name in ("error_3d_mm2", "visual_error")}
+        read, without = (
+            sum(record["letter"] == letter for record, letter in zip(records, letters, strict=True))
+            for letters in ([record["read"]["clay"] for record in records], [record["before"] for record in records])
+        )
+        wrong = [f"{r['letter']} as {r['read']['clay']}" for r in records if r["letter"] != r["read"]["clay"]]
+        shares = " | ".join(f"{percent(np.mean(each))} | {percent(min(each))}" for each in removed.values())
+        pushes = decimal(float(np.mean([len(record["actions"]) for record in records])))
+        lines.append(
+            f"| {material} | {records[0]['tool']} | {seed} | {pushes} | {shares} | {read} of {len(records)} | "
+            f"{without} of {len(records)} |"
+        )
+        worst += [f"In {material}: {', '.join(wrong)}."] if wrong else []
+        _write_letters(folder, pictures / f"letters_{material}.jpg")
+        images.append(f"In {material}:\n\n![letters]({_PICTURES}/letters_{material}.jpg)\n")
+    return f"""
+## A to Z, each letter in a smooth slab
+
+The goals are letters of DejaVu Serif, {1e3 * records[0]["reach_m"]:g} mm deep. The classifier was trained on rendered
+letters of other font families (STIX, Computer Modern), never on a sculpture. *Removed* is the removed share of the
+error: the mean of the letters, and the lowest of them. *Smooth slab* is the baseline: the same classifier on the slab
+before the first push.
+
+| material | tool | seed | pushes | height removed | lowest | slope removed | lowest | read correctly | smooth slab |
+|---|---|---|---|---|---|---|---|---|---|
+{chr(10).join(lines)}
+
+{" ".join(["Misread letters:", *worst]) if worst else "No letter is misread."}
+
+{chr(10).join(images)}"""
+
+
+def _number(file: Path) -> int:
+    return int(file.name.partition("_")[0])
+
+
+def _write_letters(folder: Path, to: Path) -> None:
+    """The results of a folder, seven in a row."""
+    pairs = [read_image(file) for file in sorted(folder.glob("*.png"), key=_number)]
+    results = [
+        cv2.resize(pair[:, pair.shape[1] // 2 :], (_LETTER_PX, _LETTER_PX), interpolation=cv2.INTER_AREA)
+        for pair in pairs
+    ]
+    results += [np.full_like(results[0], 255)] * (-len(results) % _IN_A_ROW)
+    rows = [np.hstack(results[first : first + _IN_A_ROW]) for first in range(0, len(results), _IN_A_ROW)]
+    _, data = cv2.imencode(".jpg", np.vstack(rows)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
+    atomic_write(to, data.tobytes())
+
+
 def _alphabet(folder: Path, pictures: Path) -> str:
     _, material, seed = folder.name.split("_")
     lines = []
     met = right = 0
-    records = sorted(folder.glob("*.json"), key=lambda file: int(file.name.partition("_")[0]))
+    records = sorted(folder.glob("*.json"), key=_number)
     for file in records:
         said = _read(file)
         height, slope, read = said["error_3d_mm2"], said["visual_error"], said["read"]
@@ -112,11 +172,13 @@ def _reliefs(files: list[Path], pictures: Path) -> str:
         said = _read(file)
         errors = ("error_3d_mm2", "visual_error", "visual_error_on_grid")
         removed = {name: percent(1 - said[name][1] / said[name][0]) for name in errors}
-        plans = said["plans"]
+        noise, plans = said["noise_of_a_scan"]["visual_error"], said["plans"]
+        before, after = said["visual_error"]
         lines.append(
             f"| {said['goal']} | {said['seed']} | {len(said['actions'])} | {decimal(said['error_3d_mm2'][0])} | "
             f"{decimal(said['error_3d_mm2'][1])} | {removed['error_3d_mm2']} | {removed['visual_error']} | "
-            f"{removed['visual_error_on_grid']} | {plans['wall_s']:.0f} s | {plans['cpu_s']:.0f} s |"
+            f"{percent(noise / before)} | {percent(1 - (after - noise) / (before - noise))} | "
+            f"{removed['visual_error_on_grid']} | {plans['cpu_s']:.0f} s |"
         )
         three = read_image(file.with_suffix(".png"))
         shape = (3 * _RELIEF_PX, _RELIEF_PX)
@@ -129,12 +191,13 @@ def _reliefs(files: list[Path], pictures: Path) -> str:
 Scans have {side} × {side} pixels, and errors are those of the scans. The push model, and with it the plan, has
 {grid} × {grid}: predicted changes are brought to the scan's pixels by linear interpolation, and the plan lowers the
 error there ([performance](performance.md#plans-of-sculptures)). The deepest place lies 9 mm below the foam's mean
-height. Replanned after every fourth push; the last columns are the time of all plans of a sculpture together, in one
-process with one thread.
-*On the plan's pixels* is the error in slope of scans averaged to {grid} × {grid}.
+height. Replanned after every fourth push; *CPU* is the time of all plans of a sculpture together.
+*Scan noise* is the share of the slope error before the first push that is noise of the scan: half the error between
+two scans of the same surface. *Without it* is the removed share after this noise is subtracted from both errors.
+*Coarse* is the slope error of scans averaged to {grid} × {grid}.
 
-| relief | seed | pushes | height before | after | removed | of slope | on the plan's pixels | planning | processor |
-|---|---|---|---|---|---|---|---|---|---|
+| relief | seed | pushes | height before | after | removed | slope removed | scan noise | without it | coarse | CPU |
+|---|---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 
 Before, goal and result of each:
