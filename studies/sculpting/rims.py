@@ -61,8 +61,8 @@ class Goal(NamedTuple):
 
 WIDTH_M, RAISED_M, SUNKEN_M, BESIDE_M = 0.016, 0.002, -0.0035, (0.016, 0.002)
 """Of the raised and the sunken lines. Five pinches side by side, closed by 28 mm and 6 mm deep, leave a ridge as wide
-between the closed fingers, on average 1.9 mm high, and dents of 16 mm on both sides, on average 2.2 mm deep (seed 11).
-One pinch raises it by 1 mm (4 mm deep) to 3 mm (12 mm deep)."""
+between the closed fingers, on average 1.9 mm high, and dents of 16 mm on both sides, on average 2.0 mm deep (seed 11).
+One pinch raises its highest place by 1.4 mm (4 mm deep) to 3.9 mm (12 mm deep)."""
 _L = (((-0.025, 0.035), (-0.025, -0.035), (0.02, -0.035)),)
 _CROSS = (((-0.035, 0.0), (0.035, 0.0)), ((0.0, -0.035), (0.0, 0.035)))
 _RING = (
