@@ -304,9 +304,8 @@ def _rims(folder: Path, pictures: Path) -> str:
             found = mean_interval(gain)
             better["pinches" if found.low > 0 else "pushes" if found.high < 0 else "neither"].append(goal)
         tables[word] = "\n".join(lines)
-        verdicts.append(
-            f"- {word}: " + "; ".join(f"{arm} {', '.join(goals) or 'none'}" for arm, goals in better.items())
-        )
+        found_for = "; ".join(f"{arm}: {', '.join(goals) or 'none'}" for arm, goals in better.items())
+        verdicts.append(f"- {word}: {found_for}")
     pinched = [np.mean([tool == "gripper" for tool in run["tools"]]) for run in runs if run["arm"] == "both"]
     head = "| goal | push (ball) | pinch (gripper) | both | pinch - push |\n|---|---|---|---|---|"
     return f"""
@@ -314,11 +313,13 @@ def _rims(folder: Path, pictures: Path) -> str:
 
 Goals above the {material} without added material: what rises comes from beside it. Raised lines stand
 {1e3 * rims.RAISED_M:g} mm high and {1e3 * rims.WIDTH_M:g} mm wide between sides {1e3 * rims.BESIDE_M[1]:g} mm deep.
-That is what five pinches side by side left on a slab that is not in the tables (seed 11). Sunken goals are
+That is what five pinches side by side left on a slab that is not in the tables (seed 11). Pushes raise {material}, too:
+on that slab two grooves of the ball, 30 mm apart and of two pushes each, left 2.4 mm between them. Sunken goals are
 {-1e3 * rims.SUNKEN_M:g} mm deep. A goal has the volume of the slab. At most {ACTIONS} actions a goal; scans of
 {PIXELS} × {PIXELS} pixels; seeds {", ".join(map(str, seeds))}. In the arm *both*, each batch of actions is of the tool
 whose plan promises the lower error; {percent(float(np.mean(pinched)))} of its actions are pinches. Means over the seeds
-with their 95 % intervals (Student's t); the difference is paired by seed. To do nothing removes 0.
+with their 95 % intervals (Student's t), each of its goal alone; the difference is paired by seed. To do nothing removes
+0.
 
 Share of the error in height that was removed:
 
@@ -335,7 +336,7 @@ Mean rise of the raised lines (of sunken ones: their fall), as a share of what w
 {head}
 {tables["rise"]}
 
-Where the interval of the difference leaves zero out, pinches or pushes are better for:
+Goals for which pinches or pushes are better; *neither* where the interval of the difference contains zero:
 
 {chr(10).join(verdicts)}
 

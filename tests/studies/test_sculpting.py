@@ -155,8 +155,8 @@ def test_the_page_says_where_pinches_are_better(tmp_path: Path) -> None:
     page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
     text = (tmp_path / "docs/sculpting.md").read_text().replace("\u00a0", " ")
     others = ", ".join(goal for goal in rims.GOALS if goal != "ridge")
-    assert f"- height: pinches ridge; pushes {others}; neither none" in text
-    assert f"- slope: pinches none; pushes none; neither {', '.join(rims.GOALS)}" in text
+    assert f"- height: pinches: ridge; pushes: {others}; neither: none" in text
+    assert f"- slope: pinches: none; pushes: none; neither: {', '.join(rims.GOALS)}" in text
     assert "50 % of its actions are pinches" in text.replace("\n", " ")
     assert (tmp_path / "docs/sculpting/rims_dough.png").is_file()
 
