@@ -1,7 +1,7 @@
 """Make docs/sculpting.md of what the experiments wrote: `python -m studies.sculpting.page --results DIR --out docs`.
 
 It takes what there is: `alphabet_<material>_<seed>/`, `reliefs*.json`, `smoothing*.json`, `losses*.json`,
-`noise*.json`, `uncertainty*.json`, `places*.json`.
+`noise*.json`, `uncertainty*.json`, `planners*.json`, `places*.json`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import read_image, write_png
 from pentimento.report.figures import BLUE, OCHRE, Series, line_chart
 from pentimento.report.wording import decimal, percent
+from studies.sculpting.planners_page import section
 from studies.sculpting.uncertainty_page import crossing, sections
 from studies.student_t import mean_interval
 
@@ -57,6 +58,7 @@ def main(arguments: argparse.Namespace) -> None:
     for file in sorted(arguments.results.glob("noise*.json")):
         parts.append(_noise(_read(file), pictures))
     parts += [sections(_read(file)) for file in sorted(arguments.results.glob("uncertainty*.json"))]
+    parts += [section(_read(file)) for file in sorted(arguments.results.glob("planners*.json"))]
     for file in sorted(arguments.results.glob("places*.json")):
         said = _read(file)
         shutil.copy(file.with_suffix(".png"), pictures / f"places_{said['material']}.png")
