@@ -98,6 +98,7 @@ def main(arguments: argparse.Namespace) -> None:
     said = {
         "material": arguments.material, "actions": ACTIONS, "pixels": PIXELS, "predictions": predicted,
         "test": {"seed": TEST_SEED, "pushes": TEST_PUSHES}, "fit_seed": FIT_SEED, "candidates": candidates,
+        "epochs": {"network": bench.given.training.epochs, "particles": ParticleTraining().epochs},
         "runs": runs,
     }  # fmt: skip
     file = arguments.out / f"planners_{arguments.material}.json"

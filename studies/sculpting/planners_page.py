@@ -14,12 +14,13 @@ BAR = 0.8
 """Share of the goals on which the project's planner is to be the best."""
 _EQUAL = 0.1
 """Planning times that differ by less than this share count as equal."""
+_SAMPLES = PLANNERS["cross-entropy"].samples
 _WORDS = {
     OURS: "the project's: greedy, then gradient descent",
     "greedy": "greedy, more candidates",
     "cross-entropy": "greedy, then the cross-entropy method",
-    "particles, heights": "particle model, random shooting, error in height alone",
-    "particles, our objective": "particle model, random shooting, the same objective",
+    "particles, heights": "particle model, greedy, error in height alone",
+    "particles, our objective": "particle model, greedy, the same objective",
 }
 _SHORT = {OURS: "the project's", "particles, heights": "particles (height)", "particles, our objective": "particles"}
 _MODELS = {"network": "push model", "particles": "particle model", "no change": "no change"}
@@ -61,17 +62,21 @@ def section(said: dict[str, Any]) -> str:
 {len(goals)} goals, {"slab" if len(seeds) == 1 else "slabs"} of seed {", ".join(map(str, seeds))}, the {TOOL}, at most
 {said["actions"]} pushes a goal, scans of {said["pixels"]} × {said["pixels"]} pixels. All planners work in the same
 studio, and plan again after every fourth push. *Equal time* means equal processor time of all plans of a sculpture, in
-one process with one thread. The project's planner sets this time. Each of the others has as many candidates an action
-as fill it; this number was fitted on other goals and on the slab of seed {said["fit_seed"]}. {_times(times)}
+one process with one thread. The project's planner sets this time. Each of the others has as many candidates a push as
+fill it (in each of two rounds); this number was fitted on other goals and on the slab of seed {said["fit_seed"]}.
+{_times(times)}
 
+- *The project's* chooses pushes one by one and then improves the sequence by gradient descent (two iterations).
 - *Greedy* chooses the best of more candidates for each push, and does not improve the sequence afterwards.
-- *The cross-entropy method* samples whole sequences around the greedy one. It tries them one by one, where the greedy
-  choice tries its candidates in batches.
-- *The particle model* is a graph network in the manner of RoboCraft (Shi et al. 2022), a small version of our own: the
-  pixels are particles that hear their neighbours and particles on the path of the tool. It has no published weights,
-  and it was trained on the same pushes and loss as the push model. Its candidates are the same kind of guided and
-  random pushes (*random shooting*). RoboCraft lowers an error of shape alone, so one arm plans on the error in height
-  only; the other has the project's objective.
+- *The cross-entropy method* samples whole sequences around the greedy one: {_SAMPLES} in each of two iterations. It
+  tries them one by one, where the greedy choice tries its candidates in batches. In so little time it cannot try more.
+- *The particle model* is a graph network in the manner of RoboCraft (Shi et al. 2022), a small version made for this
+  comparison, not RoboCraft itself: each pixel is a particle that receives messages from its neighbours and from
+  particles on the path of the tool. It was trained on the same pushes and with the same loss as the push model, for
+  {said["epochs"]["particles"]} epochs (the push model: {said["epochs"]["network"]}). It takes longer for a push, and
+  so has fewer candidates. These are guided and random pushes as those of *greedy*, the best of which is taken.
+  RoboCraft plans on an error of shape alone, so one planner lowers the error in height only; the other lowers the
+  project's objective.
 - *To do nothing* removes 0 % of each error.
 
 Each figure is the share of the error that was removed, mean of the goals; the objective weighs height and slope.

@@ -106,6 +106,7 @@ def said(better: float, slower: float) -> dict[str, Any]:
     return {
         "material": "foam", "actions": 24, "pixels": 64, "runs": runs, "predictions": scores, "fit_seed": 99,
         "candidates": dict.fromkeys(PLANNERS, 16), "test": {"seed": 31, "pushes": 40},
+        "epochs": {"network": 40, "particles": 60},
     }  # fmt: skip
 
 
