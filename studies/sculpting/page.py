@@ -1,7 +1,8 @@
 """Make docs/sculpting.md of what the experiments wrote: `python -m studies.sculpting.page --results DIR --out docs`.
 
 It takes what there is: `letters_<material>_<seed>/`, `alphabet_<material>_<seed>/`, `reliefs*.json`,
-`smoothing*.json`, `losses*.json`, `noise*.json`, `uncertainty*.json`, `places*.json`, `rims_<material>/`.
+`smoothing*.json`, `losses*.json`, `noise*.json`, `uncertainty*.json`, `places*.json`, `rims_<material>/`,
+`planners*.json`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import read_image, write_png
 from pentimento.report.figures import BLUE, OCHRE, Series, line_chart
 from pentimento.report.wording import decimal, percent
-from studies.sculpting import rims
+from studies.sculpting import planners_page, rims
 from studies.sculpting.places import ACTIONS, PIXELS
 from studies.sculpting.uncertainty_page import crossing, sections
 from studies.student_t import mean_interval
@@ -65,6 +66,7 @@ def main(arguments: argparse.Namespace) -> None:
     for file in sorted(arguments.results.glob("noise*.json")):
         parts.append(_noise(_read(file), pictures))
     parts += [sections(_read(file)) for file in sorted(arguments.results.glob("uncertainty*.json"))]
+    parts += [planners_page.section(_read(file)) for file in sorted(arguments.results.glob("planners*.json"))]
     for file in sorted(arguments.results.glob("places*.json")):
         said = _read(file)
         shutil.copy(file.with_suffix(".png"), pictures / f"places_{said['material']}.png")

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +21,16 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import write_png
 from pentimento.control.execute import Session
 from pentimento.control.loop import Hooks
-from pentimento.control.sculptor import Array, Sculptor, SculptureProgress, seen_m
+from pentimento.control.sculptor import SculptureProgress, seen_m
 from pentimento.goals3d.reliefs import letter_relief, place, soften
 from pentimento.goals3d.shading import photograph
 from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.goal import fit_goal
-from pentimento.planning.pushes.plan import PushPlan
 from pentimento.planning.pushes.scales import resampled
-from studies.sculpting.clay import model_of, robot_with, settings
+from studies.sculpting.clay import Clock, TimedSculptor, model_of, robot_with, settings
 from studies.sculpting.shapes import face, knot
 
+Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 MATERIAL, TOOL = "foam", "ball"
@@ -45,30 +44,6 @@ VISUAL = 4.0
 """Weight of the squared slope error; of the other weights see params.yaml."""
 _RELIEF_PX = 256
 _SHOWN_PX = 256
-
-
-@dataclass
-class Clock:
-    """Time that planning has taken."""
-
-    wall_s: float = 0.0
-    cpu_s: float = 0.0
-    plans: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimedSculptor(Sculptor):
-    """A sculptor that times its plans."""
-
-    clock: Clock
-
-    def _plan(self, height: Array, executed: tuple[FloatArray, ...], *, begun: FloatArray | None) -> PushPlan:
-        wall, cpu = time.perf_counter(), time.process_time()
-        made = super()._plan(height, executed, begun=begun)
-        self.clock.wall_s += time.perf_counter() - wall
-        self.clock.cpu_s += time.process_time() - cpu
-        self.clock.plans += 1
-        return made
 
 
 def main(arguments: argparse.Namespace) -> None:
