@@ -93,8 +93,8 @@ Seed {seed}. The letters follow one another in one slab: each goal is fitted to 
 deepest points lie *reach* below the mean height. Pushes only lower the foam, so each letter must be deeper than the one
 that it replaces. Pushed foam is rough: for very shallow letters the error in height falls, but that in slope does not.
 *Read as* is the output of a letter classifier that was trained on rendered letters only, with its probability. The
-error in height falls by 60 % or more for {met} of {len(records)} letters; {right} of {len(records)} are classified
-correctly.
+error in height falls by
+60 % or more for {met} of {len(records)} letters; {right} of {len(records)} are classified correctly.
 
 | letter | reach | pushes | height before | after | height removed | slope removed | read as |
 |---|---|---|---|---|---|---|---|
