@@ -123,8 +123,8 @@ negative control, because a hard tip does not trail: neither cause is establishe
 on the canvas (`canvas_tilt`, `lens_distortion`, `vignetting`, `illumination_gradient`) or on the orientation of a
 stroke (`path_offset`, `backlash`, `orientation_width`) are therefore not observable, and `path_scale` has one factor
 for both axes. There are no times, so neither `latency` nor any effect of speed can be distinguished from `bristle_lag`:
-the name states the effect in space, not its physical origin. No stroke crosses paint. No action is repeated, so the noise in
-the remaining error is unknown.
+the name states the effect in space, not its physical origin. No stroke crosses paint. No action is repeated, so the
+noise in the remaining error is unknown.
 
 The three ballpoint sets were written by people at three tempos, and have times, pressure and tilt. Each of their
 strokes was registered to its ink by up to half a millimetre, so they cannot show what displaces a stroke.
