@@ -34,12 +34,11 @@ _LETTER_PX, _IN_A_ROW = 160, 7
 
 _OPENING = """# Sculpting: what the planner can do
 
-Written by `python -m studies.sculpting.page --results DIR --out docs`; do not edit. All of it happens in the virtual
-studio, where clay springs back, heaps up, slides and hardens by other laws than the models here know, and scans are
-noisy. Heights are compared over the whole slab of 20 × 20 cm, 128 × 128 pixels where nothing else is said. *Height* is
-the mean squared error in mm², *slope* that of the spatial gradient. To do nothing leaves the error of *before*.
-
-Each experiment is a share: the seeds are named, and `studies/sculpting/` makes others.
+Written by `python -m studies.sculpting.page --results DIR --out docs`; do not edit. All experiments run
+in the virtual studio. Its clay springs back, heaps up, slides and hardens by laws that the models do not contain, and
+its scans are noisy. *Height* is the mean squared error of the heights in mm², *slope* that of their spatial gradient;
+both are taken over the whole slab of 20 × 20 cm, at 128 × 128 pixels unless a section says otherwise. *Before* is the
+error before the first action. Each section names its random seeds; `studies/sculpting/` runs others.
 """
 
 
@@ -157,13 +156,14 @@ def _alphabet(folder: Path, pictures: Path) -> str:
     return f"""
 ## The alphabet in {material}, never smoothed in between (thesis Figure 7.1)
 
-Seed {seed}. Each letter is fitted to the {material} as the one before it left it, and its goal lies up to *reach* below
-the mean height: pushes only lower, so that in foam each must be deeper than what it is to cover. Very shallow ones are
-rougher than they are steep: their height comes right, not their slopes. A reader of these letters, trained on rendered
-ones only, says what it sees. The error falls by 60 % or more for {met} of {len(records)} letters; {right} of
-{len(records)} are read right.
+Seed {seed}. The letters follow one another in one slab: each goal is fitted to the relief of the letter before, and its
+deepest points lie *reach* below the mean height. Pushes only lower the foam, so each letter must be deeper than the one
+that it replaces. Pushed foam is rough: for very shallow letters the error in height falls, but that in slope does not.
+*Read as* is the output of a letter classifier that was trained on rendered letters only, with its probability. The
+error in height falls by
+60 % or more for {met} of {len(records)} letters; {right} of {len(records)} are classified correctly.
 
-| letter | reach | pushes | height before | after | removed | of slope | read as |
+| letter | reach | pushes | height before | after | height removed | slope removed | read as |
 |---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 
@@ -225,16 +225,17 @@ def _smoothing(runs: list[dict[str, Any]]) -> str:
     return f"""
 ## A thin line smoothed in ten pushes (thesis Figure 7.12)
 
-Five pokes with an edge leave a line in dough, 6 mm wide. Ten pushes are to make it level again, each the best of the
-same number of tries: once by the error in slope, once by the Chamfer distance between point clouds of some 330 points.
-What is left of each error, as a share of that before; of freshly smoothed dough, scanned, the error in slope is
+Five pokes with an edge leave a line in dough, 6 mm wide, which ten pushes are to level. Each push is the best of the
+same number of candidates, by the error in slope (*visual*) or by the Chamfer distance between point clouds of some 330
+points. The table has the remaining errors relative to those before. In a scan of freshly smoothed dough, the error in
+slope is, on this scale,
 {" and ".join(percent(said["fresh_visual_error"] / said["visual"]["visual_error"][0]) for said in runs)}:
 
 | tool | seed | planned by | slope | height | Chamfer |
 |---|---|---|---|---|---|
 {chr(10).join(lines)}
 
-The line, smoothed by slope, and by Chamfer distance:
+The line, and the results of planning by slope and by Chamfer distance:
 
 ![smoothing]({_PICTURES}/smoothing.png)
 """
@@ -253,15 +254,16 @@ def _losses(runs: list[dict[str, Any]], pictures: Path) -> str:
             f"| {name} | {said['seed']} | {percent(height[-1] / height[0])} | {percent(slope[-1] / slope[0])} | "
             f"{percent(min(slope) / slope[0])} | {decimal(said['prediction_error_mm2'])} |"
         )
-    chart = line_chart(series, "actions", "share of the error at the start", (8, 4))
+    chart = line_chart(series, "actions", "error relative to the start", (8, 4))
     atomic_write(pictures / "losses.png", chart)
     return f"""
 ## Fifty actions: pushed and pinched (thesis Figure 7.11)
 
-A large X, sunk into the material. What is left after fifty actions, as a share of the error before; the last column is
-how far the scans were from the prediction, mm² over the whole slab.
+The goal is a large X, sunk into the material. The table has the errors after fifty actions and the lowest error in
+slope on the way, relative to those before, and the mean squared difference between scanned and predicted heights,
+mm² over the whole slab.
 
-| tool | seed | height | slope | lowest slope | prediction error |
+| tool | seed | height | slope | lowest slope | prediction error, mm² |
 |---|---|---|---|---|---|
 {chr(10).join(lines)}
 
@@ -277,21 +279,22 @@ def _noise(said: dict[str, Any], pictures: Path) -> str:
         [
             Series("height", noise, shares["error_3d_mm2"], BLUE),
             Series("slope", noise, shares["visual_error"], OCHRE),
-            Series("doing nothing", [noise[0], noise[-1]], [1.0, 1.0], "#8a8a86", "--"),
+            Series("no action", [noise[0], noise[-1]], [1.0, 1.0], "#8a8a86", "--"),
         ],
-        "noise of one action, mm²", "share of the error of doing nothing", (8, 4),
+        "noise of one action, mm²", "error relative to no action", (8, 4),
     )  # fmt: skip
     atomic_write(pictures / "noise.png", chart)
     words = [
-        f"in {word} from {crossing(noise, shares[name])} mm² on"
+        f"{crossing(noise, shares[name])} mm² in {word}"
         for word, name in (("slope", "visual_error"), ("height", "error_3d_mm2"))
     ]
     return f"""
 ## How much noise makes acting worse than not acting (thesis Figure 7.14)
 
-A plan of {said["actions"]} pushes into {said["material"]}, carried out in the learned model with Gaussian noise on each
-number of each action ({said["draws"]} draws a level). Noise is measured as the thesis does: the mean squared difference
-between what an action was to do and what it did, in the push model's square around it. Acting is worse than not acting
+A plan of {said["actions"]} pushes into {said["material"]} is executed in the learned model with Gaussian noise on each
+parameter of each action ({said["draws"]} draws per noise level). As in the thesis, noise is measured by its effect: the
+mean squared difference between the reliefs after an action with and without noise, in the push model's square around
+it. The noise above which acting is worse than not acting:
 {" and ".join(words)}.
 
 ![noise]({_PICTURES}/noise.png)
@@ -314,34 +317,34 @@ def _places(said: dict[str, Any]) -> str:
     return f"""
 ## Goals above the surface: placed pellets, in {said["material"]}
 
-Pushes only lower the {said["material"]}. A robot with a feeder also sets pellets of it, 6 to 14 mm across, and presses
-them flat; the planner takes pellets or pushes, whichever is expected to lower the objective further. The model of a
-pellet was fitted to {said["pellets"]} pellets: {percent(said["model"]["kept"])} of their volume stays, and
+Pushes only lower the {said["material"]}. A robot with a feeder also places pellets of it, 6 to 14 mm across, and
+presses them flat; the planner chooses pellets or pushes, whichever are expected to lower the objective further. The
+pellet model was fitted to {said["pellets"]} pellets: {percent(said["model"]["kept"])} of their volume remains, and
 {percent(said["model"]["unexplained"])} of the energy of their footprints is unexplained. At most {said["actions"]}
-actions a goal, {1e3 * said["raised_m"]:g} mm above the mean height or {1e3 * said["sunken_m"]:g} mm below it; scans of
-{said["pixels"]} × {said["pixels"]} pixels; seeds {seeds}. The share of the error that was removed, mean over the seeds
-with its 95 % interval (Student's t); the gain is paired by seed:
+actions per goal, {1e3 * said["raised_m"]:g} mm above the mean height or {1e3 * said["sunken_m"]:g} mm below it; scans
+of {said["pixels"]} × {said["pixels"]} pixels; seeds {seeds}. The table has the removed fraction of the errors, as a
+mean over the seeds with its 95 % interval (Student's t); the gain is that in height, paired by seed; *pellets* is the
+mean number placed:
 
 | goal | height, pushes alone | height, with pellets | gain | slope, pushes alone | slope, with pellets | pellets |
 |---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 
-Before, goal, pushes alone, with pellets (the first seed; one row a goal):
+Before, goal, pushes alone, with pellets (first seed, one row per goal):
 
 ![places]({_PICTURES}/places_{said["material"]}.png)
 
 Pellets do not help everywhere:
 
-- Below the surface a pellet can only fill what a push has made too deep. The sunken letter tells whether that gains
-  anything, or costs something.
-- A wall thinner than the smallest pellet, 6 mm, comes out as wide as the pellet, or is not begun.
-- A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. On a smooth goal, as
-  the dome, the height comes right and the slopes become worse than those of the untouched surface.
-- Where less than half the height of the smallest pellet is lacking, none is set: it would overshoot.
-- The model adds the same footprint on every surface. Over slopes, beside steep walls and on other pellets the pad
-  spreads the material otherwise; the scan after each action shows it, and the next plan starts from that.
-- A push after a pellet knows its shape, but not that its material is fresh. Pellets and pushes are not planned together
-  in one batch: a pellet that helps only after a push has flattened it is not found.
+- Below the surface a pellet can only fill a place that a push has made too deep. The sunken letter measures that gain.
+- A wall thinner than the smallest pellet, 6 mm, becomes as wide as the pellet, or no pellet is placed.
+- A rim steeper than a pellet's flank stays blunt, and pellets side by side leave a bumpy surface. On a smooth goal such
+  as the dome, the error in height falls, but that in slope rises above that of the untouched surface.
+- Where the surface is too low by less than half the height of the smallest pellet, none is placed: it would overshoot.
+- The model adds the same footprint to every surface. On slopes, beside steep walls and on other pellets the pad spreads
+  the material differently; each action is followed by a scan, from which the next plan starts.
+- The push model is given the shape of a pellet, but not that its material is fresh. Pellets and pushes are not planned
+  jointly: a pellet that helps only after a push has flattened it is not found.
 """
 
 

@@ -52,7 +52,7 @@ def test_the_page_says_where_acting_becomes_worse_than_not_acting(tmp_path: Path
     (tmp_path / "noise.json").write_text(json.dumps(said))
     page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
     text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
-    assert "in slope from 0.100 mm² on and in height from 0.300 mm² on" in text  # halfway between two levels each
+    assert "0.100 mm² in slope and 0.300 mm² in height" in text  # halfway between two levels each
     assert (tmp_path / "docs/sculpting/noise.png").exists() and "alphabet" not in text
 
 
@@ -69,7 +69,7 @@ def test_the_page_counts_letters_that_met_their_bar_and_were_read(tmp_path: Path
         write_png(folder / f"{number}_{letter}.png", np.full((8, 16, 3), 100, np.uint8))
     page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
     text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
-    assert "60 % or more for 2 of 3 letters; 2 of 3 are read right" in text
+    assert "60 % or more for 2 of 3 letters; 2 of 3 are classified correctly" in text
     assert read_image(tmp_path / "docs/sculpting/alphabet_foam.png").shape == (8, 16, 3)
 
 
