@@ -4,8 +4,8 @@
 
 Every planner has the same processor time for a plan. The planner of the project sets that time. The others have one
 number each that fills it, the candidates for each action; it is fitted on a slab and goals that are not compared, and
-kept in `candidates.json`. Where the times of the runs differ by more than 10 %, correct the number in that file, remove
-the planner's runs and start again.
+kept in `candidates.json`. Processor time depends on what else runs on the machine, so make all runs in one pass: the
+planners take turns, goal by goal.
 Scans, plans and models are as coarse as in `places`. Each run is a file in `DIR/planners_foam/`, and is not made again;
 `DIR/planners_foam.json` sums them up.
 """
