@@ -3,7 +3,9 @@
 `python -m studies.sculpting.planners --material foam --out DIR [--seeds 1] [--goals letter:A …]`
 
 Every planner has the same processor time for a plan. The planner of the project sets that time. The others have one
-number each that fills it, the candidates for each action; it is fitted on a slab and goals that are not compared.
+number each that fills it, the candidates for each action; it is fitted on a slab and goals that are not compared, and
+kept in `candidates.json`. Processor time depends on what else runs on the machine, so make all runs in one pass: the
+planners take turns, goal by goal.
 Scans, plans and models are as coarse as in `places`. Each run is a file in `DIR/planners_foam/`, and is not made again;
 `DIR/planners_foam.json` sums them up.
 """

@@ -63,7 +63,8 @@ def section(said: dict[str, Any]) -> str:
 {said["actions"]} pushes a goal, scans of {said["pixels"]} × {said["pixels"]} pixels. All planners work in the same
 studio, and plan again after every fourth push. *Equal time* means equal processor time of all plans of a sculpture, in
 one process with one thread. The project's planner sets this time. Each of the others has as many candidates a push as
-fill it (in each of two rounds); this number was fitted on other goals and on the slab of seed {said["fit_seed"]}.
+fill it (in each of two rounds); this number was fitted on other goals and on the slab of seed {said["fit_seed"]}. The
+planners took turns, goal by goal, so that other load on the machine slows all alike.
 {_times(times)}
 
 - *The project's* chooses pushes one by one and then improves the sequence by gradient descent (two iterations).
