@@ -34,7 +34,7 @@ Folders in the layout of diffusers and transformers, with random weights in half
 ({weights:.0f} million weights in the UNet, pictures of {side} px), CLIP ViT-B/32 and ViT-L/14. The stages' own code
 loads them, trains (profile `full`, batch 1), samples, exports and runs them. Each part is one process; *peak* is its
 maximum resident memory. Times include imports and loading. {threads}. Other programs that share the processor lengthen
-wall times, and hardly CPU times.
+wall times, and CPU times less, through caches and memory.
 
 {table}
 
@@ -109,7 +109,7 @@ def page(figures: dict[str, dict[str, Any]]) -> str:
 
 def _shown(figures: dict[str, Any]) -> list[str]:
     if "not_measured" in figures:
-        return ["not measured", figures["not_measured"], ""]
+        return ["not measured", "", ""]
     return [f"{figures['wall_s']:.0f}", f"{figures['cpu_s']:.0f}", f"{figures['peak_gb']:.1f}"]
 
 
@@ -140,6 +140,11 @@ def _findings(figures: dict[str, dict[str, Any]]) -> list[str]:
             f"{figures['run']['difference_of_255']:.2f} of 255 on average, after {SAMPLED_STEPS} steps in half "
             "precision. The profile's 20 steps were not sampled; time grows in proportion to the steps."
         )
+    missing: dict[str, list[str]] = {}
+    for part, what in _WHAT.items():
+        if (reason := figures[part].get("not_measured")) is not None:
+            missing.setdefault(reason, []).append(what)
+    found += [f"Not measured, because {reason}: {'; '.join(parts)}." for reason, parts in missing.items()]
     return found
 
 
