@@ -173,10 +173,10 @@ def _scores(model: StrokeModel, strokes: MeasuredStrokes) -> dict[str, float]:
 def _said(corrected: CorrectionFit) -> str:
     before, after = corrected.held_out_l1
     if corrected.share == 0:
-        return "A learned correction gains nothing on actions that it was not fitted to: the model has none."
+        return "A learned correction does not lower the weighted L1 of held-out actions, so the model has none."
     return (
-        f"The learned correction, {corrected.share:.0%} of it, lowers the weighted L1 of actions that it was not "
-        f"fitted to from {before:.4g} to {after:.4g}."
+        f"The learned correction, scaled by {corrected.share:.0%}, lowers the weighted L1 of held-out actions from "
+        f"{before:.4g} to {after:.4g}."
     )
 
 
@@ -187,11 +187,11 @@ def _summary(found: StrokeResult, joint: JointFit) -> str:
         used = ", ".join(mechanism.cause for mechanism in joint.model.mechanisms)
         result = f"Fitted with {used}, the weighted L1 of validation strokes falls from {base:.4g} to {extended:.4g}."
     elif causes == "none":
-        result = "The base stays as it is."
+        result = "The base model is unchanged."
     elif extended == base:
-        result = "The base has them already, and stays as it is."
+        result = "The base model already contains them and is unchanged."
     else:
-        result = f"Fitted jointly, the weighted L1 of validation rises ({base:.4g} to {extended:.4g}): the base stays."
+        result = f"Fitted with them, the weighted L1 of validation rises from {base:.4g} to {extended:.4g}: not used."
     return f"Established causes: {causes}. {result}"
 
 

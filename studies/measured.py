@@ -39,13 +39,14 @@ _HEAD = """\
 # The diagnosis of measured strokes
 
 Written by `python -m studies.measured`; do not edit. The strokes were recorded by the authors of FRIDA and
-Spline-FRIDA and are not part of this repository. Errors are of test strokes that took no part in search or
-confirmation: mean squared, sRGB, over whole windows. No set repeats an action, so **the noise floor is unknown**, and
-gains are shares of the whole error. ± is a standard error that takes each action as one witness. A *rival* is a cause
-that removes at least 95 % as much error in the named one's place. After a cause: in how many of five random draws of
-80 % of the actions it is established, and in how many at least suspected.
+Spline-FRIDA and are not part of this repository. Errors are mean squared, sRGB, over whole windows, on the test split,
+which is not used in search or confirmation. No set repeats an action, so **the noise floor is unknown**, and *removed*
+is a fraction of the whole error, with its 95 % interval. ± is a standard error, clustered by action. A *rival* is an
+alternative cause that removes at least 95 % as much error in place of the named one. The counts after a cause are the
+random subsamples of 80 % of the actions (of five) in which it is established, and in which it is established or
+suspected. The last column lists the residual modes that still depend on a covariate.
 
-| set | strokes | established | suspected | error: base → extended | removed (95 %) | what still depends on what |
+| set | strokes | established | suspected | error: base → extended | removed (95 %) | remaining structure |
 |---|---|---|---|---|---|---|
 """
 
@@ -114,23 +115,24 @@ def page(verdicts: list[tuple[str, dict[str, Any]]]) -> str:
         + f"""
 
 **Brushes and pens.** Of {len(brushes)} sets of brushes, `bristle_lag` is established on {len(lag)} ({_list(lag)}) and
-`path_scale` on {len(scale)} ({_list(scale)}): ink falls short of its command and cuts corners. Pens are the negative
-control, for a hard tip does not trail: neither is established on {len(clear)} of {len(pens)} sets ({_list(clear)}).
+`path_scale` on {len(scale)} ({_list(scale)}): the mark is shorter than its command and cuts corners. Pens are the
+negative control, because a hard tip does not trail: neither cause is established on
+{len(clear)} of {len(pens)} sets ({_list(clear)}).
 
-**What these tables cannot decide.** Strokes are recorded relative to their own start: nothing that depends on the place
-on the canvas (`canvas_tilt`, `lens_distortion`, `vignetting`, `illumination_gradient`) or on how a stroke is turned
-there (`path_offset`, `backlash`, `orientation_width`) can be seen, and of `path_scale` one factor only. There are no
-times: neither `latency` nor any effect of speed can be distinguished from `bristle_lag`, which is therefore named for
-what it is in space and not for its reason. Nothing crosses paint. Nothing is repeated, so it is unknown how much of
-what is left is noise.
+**What these tables cannot decide.** Strokes are recorded relative to their own start. Causes that depend on the place
+on the canvas (`canvas_tilt`, `lens_distortion`, `vignetting`, `illumination_gradient`) or on the orientation of a
+stroke (`path_offset`, `backlash`, `orientation_width`) are therefore not observable, and `path_scale` has one factor
+for both axes. There are no times, so neither `latency` nor any effect of speed can be distinguished from `bristle_lag`:
+the name states the effect in space, not its physical origin. No stroke crosses paint. No action is repeated, so the
+noise in the remaining error is unknown.
 
 The three ballpoint sets were written by people at three tempos, and have times, pressure and tilt. Each of their
 strokes was registered to its ink by up to half a millimetre, so they cannot show what displaces a stroke.
 
-**What would settle it.** `next_actions.parquet` of each set: strongly bent strokes of different lengths, on which a
-trailing patch cuts the corner and a shrunken path does not; and the same strokes at several speeds, several times.
+**What to record next.** `next_actions.parquet` of each set: strongly bent strokes of different lengths, on which a
+trailing contact patch cuts the corner and a scaled path does not; and the same strokes at several speeds, repeated.
 
-Strokes of `{FIGURES_OF[0]}` that took no part (command, photograph, base, extended model, errors):
+Test strokes of `{FIGURES_OF[0]}` (command, photograph, base, extended model, errors):
 
 ![{FIGURES_OF[0]}](measured/{FIGURES_OF[0]}.png)
 

@@ -1,9 +1,9 @@
 """Prediction errors of push models, in hidden worlds of clay: `python -m studies.push_models`.
 
 Each world is drawn by its seed: foam, dough and sand whose strengths and constants differ from the bundled files. The
-robot makes 400 designed pushes in each (24 actions three times); a quarter of the actions is held out. Every part of
-the study is written to `data/studies/push_models/` as it is done, and is not done again; `docs/push_models.md` is then
-written from all that is there (`--parts 0` only writes it).
+robot makes 400 designed pushes in each (24 actions three times); a quarter of the actions is held out. Each part of
+the study is stored in `data/studies/push_models/` when it ends, and a stored part is not repeated. The page
+`docs/push_models.md` is written from the stored parts (`--parts 0` only writes it).
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ MATERIALS = ("foam", "dough", "sand")
 SIZES = (25, 50, 100, 200)
 FEW = 20
 REGION = (0.025, 0.008)
-"""Length and depth of the training region, where one is left."""
+"""Max length and depth of the training region in the part `outside`, metres."""
 PASSES = 7200
-"""Pushes seen in training: small sets are seen more often, so that each has as many steps."""
+"""Training pushes, with repetition: small sets have more epochs, so that all models have as many steps."""
 LONGER, BEFORE_ADAPTING = 5 / 3, 1.25
-"""The model of all three materials sees so many times as many pushes of each as the materials' own models, and needs
-them: three ways of giving way are learnt by one network. And one that is to be adapted, of all its materials."""
+"""Factors on `PASSES`: for each material of the conditioned model (one network learns all three), and for the whole
+training of a model that is fine-tuned on another material."""
 DOCS = Path("docs/push_models.md")
 CONFIG = TrainingConfig(
     pixels_per_m=math.inf,
@@ -58,7 +58,7 @@ CONFIG = TrainingConfig(
 _STEPS, _RATE, _RATE_OF_ALL = 150, 0.01, 3e-4
 """Steps of each phase of the adaptation, and its learning rates: of the context's parameters, and of all."""
 _BATCH = 20
-"""Pushes of one adaptation step."""
+"""Pushes per adaptation step."""
 _CONTEXT_PARAMETERS = ("tool", "context", "apart")
 """Parameters of the network with a row for each context."""
 
@@ -75,7 +75,7 @@ def drawn_world(material: str, seed: int) -> ClayWorld:
 
 
 class World:
-    """The parts of the study in one drawn world, each kept in its file."""
+    """The parts of the study in one drawn world, each stored in its file."""
 
     def __init__(self, out: Path, seed: int) -> None:
         self.seed, self.folder = seed, out / f"world_{seed:02d}"
@@ -83,7 +83,7 @@ class World:
         self._loaded: dict[str, tuple[PushSamples, PushSamples]] = {}
 
     def parts(self) -> dict[str, Callable[[], dict[str, Any]]]:
-        """Name of each part, and what does it; a part may read those before it."""
+        """The function of each part, by name and in order; a part may read those before it."""
         made: dict[str, Callable[[], dict[str, Any]]] = {}
         for material in MATERIALS:
             made[f"collect_{material}"] = lambda m=material: self.collect(m, "ball")
@@ -129,7 +129,7 @@ class World:
     def fit(
         self, name: str, trained_on: dict[str, PushSamples], visual_weight: float = 1.0, passes: float = 1.0
     ) -> PushModel:
-        """Train one model on the contexts of these names, and keep it; one that was kept is read again."""
+        """Train one model on the contexts of these names and store it, or read it if it is stored."""
         target = self.folder / "weights" / name
         if (target / "weights.safetensors").exists():
             return read_push_model(target)
@@ -179,12 +179,12 @@ class World:
         return {name: self._error(model, self.samples(name)[1], k) for k, name in enumerate(MATERIALS)}
 
     def longer(self) -> dict[str, Any]:
-        """Each material's own model, had it seen as many pushes of it as the conditioned one."""
+        """L_3D of each material's own model, trained with as many passes as the conditioned model."""
         models = {name: self.fit(f"longer_{name}", {name: self.samples(name)[0]}, passes=LONGER) for name in MATERIALS}
         return {name: self._error(model, self.samples(name)[1]) for name, model in models.items()}
 
     def unseen(self, name: str) -> dict[str, Any]:
-        """A model of the two others, adapted with a few pushes; beside a model of those few alone."""
+        """Errors of a model of the two others, fine-tuned on a few pushes, and of a model of those few only."""
         others = {other: self.samples(other)[0] for other in MATERIALS if other != name}
         training, held_out = self.samples(name)
         few = training.pick(_some(training, FEW, self.seed))
@@ -203,7 +203,7 @@ class World:
         return asdict(score(predict(model, held_out), held_out, model.facts.crop))
 
     def outside(self, name: str) -> dict[str, Any]:
-        """A model of short and shallow pushes, within its region and beyond."""
+        """Errors of a model of short and shallow pushes, inside and outside its training region."""
         training, held_out = self.samples(name)
         near, apart = (_within(part) for part in (training, held_out))
         model = self.fit(f"outside_{name}", {name: training.pick(near)})
@@ -219,7 +219,7 @@ class World:
 
 
 def _epochs(parts: Sequence[PushSamples], passes: float = 1.0) -> int:
-    """Epochs in which so many times ``PASSES`` pushes of these sets are seen."""
+    """Epochs for ``passes`` times ``PASSES`` training pushes from these sets."""
     return math.ceil(PASSES * passes / sum(len(part.before) for part in parts))
 
 
@@ -229,7 +229,7 @@ def _within(samples: PushSamples) -> np.ndarray:
 
 
 def _some(samples: PushSamples, size: int, seed: int) -> np.ndarray:
-    """Which rows a small training set is made of: nested, so that a larger one holds a smaller one."""
+    """[size] rows of a small training set; nested: a larger set contains the smaller ones."""
     return np.sort(np.random.default_rng(seed).permutation(len(samples.before))[:size])
 
 

@@ -36,14 +36,14 @@ def page(worlds: list[Parts]) -> str:
 _HEAD = """\
 # Prediction errors of push models
 
-Written by `python -m studies.push_models`; do not edit. Simulated worlds: {worlds}. A world has foam, dough and sand.
-Their constants and effect strengths are random and differ from the bundled files. Each material has 400 designed pushes
-with the ball; a quarter of the actions is held out. Errors are computed in the square of 10 cm around the push, in its
-own pose, unless a column says *window*.
+Written by `python -m studies.push_models`; do not edit. Simulated worlds: {worlds}. Each world has foam, dough
+and sand, with random constants and effect strengths that differ from the bundled files. Each material has 400 designed
+pushes with the ball; a quarter of the actions is held out. Errors are computed in a square of 10 cm in the frame of the
+push, or over the whole scan where a column says *window*.
 
 Numbers are means over the held-out pushes, then over the *n* worlds that have the row's models, with the 95 % interval
 of the mean over worlds (Student's t). A ratio of two models is computed in each world, so that its interval is paired.
-A target is **met** where the whole interval keeps it, and *met by the mean* where only the mean does.
+A target is **met** if the whole interval satisfies it, and *met by the mean* if only the mean does.
 """
 
 
@@ -59,19 +59,20 @@ def _held_out(worlds: list[Parts]) -> str:
                 ratio = _ratio(both, (*own, "l_3d_mm2"), (*path, "l_3d_mm2")) if both and path != own else None
                 cells = [_mean(found, (*path, score)) for score in ("l_3d_mm2", "l_viz", "window_l_3d_mm2")]
                 rows.append(
-                    f"| {_name(material)} | {name} | {len(found)} | {_said(cells[0])} | {_said(cells[1], 5)} | "
-                    f"{_said(ratio, 3)} | {_said(cells[2])} |"
+                    f"| {_name(material)} | {name} | {len(found)} | {_cell(cells[0])} | {_cell(cells[1], 5)} | "
+                    f"{_cell(ratio, 3)} | {_cell(cells[2])} |"
                 )
     lines = [
         "## Held-out pushes, compared with simpler models\n",
-        "| material | model | n | L_3D (mm²) | L_viz | L_3D of param2deform / of this | window: L_3D (mm²) |",
+        "| material | model | n | L_3D (mm²) | L_viz | L_3D, param2deform / model | window: L_3D (mm²) |",
         "|---|---|---|---|---|---|---|",
         *rows,
         "\nThe *U-Net without the warp* predicts the change in the scan's own frame, around the start of the push,\n"
-        "from the heights and the action as further channels. It has 5 % more weights than param2deform, the same\n"
-        "loss and number of training pushes, and sees them mirrored and turned by quarters. The *analytic plough* is\n"
-        "the swept volume of the end-effector's shape with a share that springs back and a share that forms rims:\n"
-        "eight numbers, fitted by least squares. *Mean footprint* is the mean of the training pushes in their poses.",
+        "from channels with the heights and the action. It has 5 % more weights than param2deform, the same loss and\n"
+        "number of training pushes, and augmentation by mirror images and rotations by 90°. The *analytic plough* is\n"
+        "the volume swept by the end-effector, of which a fraction springs back and a fraction forms rims: eight\n"
+        "parameters, fitted by least squares. *Mean footprint* is the mean change of the training pushes in their\n"
+        "frames.",
     ]
     return "\n".join(lines) + "\n" if rows else ""
 
@@ -89,19 +90,19 @@ def _over_floor(worlds: list[Parts]) -> str:
             )
             bar = f"≤ {_BARS[material]} ({_met(over, _BARS[material])})" if material in _BARS else "–"
             rows.append(
-                f"| {_name(material)} | {len(found)} | {_said(model)} | {_said(floor)} | {_said(over, 2)} | {bar} | "
-                f"{_said(window, 2)} |"
+                f"| {_name(material)} | {len(found)} | {_cell(model)} | {_cell(floor)} | {_cell(over, 2)} | {bar} | "
+                f"{_cell(window, 2)} |"
             )
     lines = [
         "## Error over the noise floor\n",
         "The **floor** is the variance of the height change of an action that is repeated three times on freshly\n"
-        "smoothed material. It includes the noise of both scans. Model and floor are of the same pushes: the repeated\n"
-        "ones among the held-out.\n",
+        "smoothed material. It includes the noise of both scans. Model and floor are evaluated on the same pushes,\n"
+        "the repeated held-out ones.\n",
         "| material | n | model: L_3D (mm²) | floor (mm²) | model / floor | target | window: model / floor |",
         "|---|---|---|---|---|---|---|",
         *rows,
-        "\nThe model does not know dwell time and speeds, which differ between actions but not between repeats. Of\n"
-        "earlier pushes it knows only the resulting shape. The error above the floor is what the diagnosis explains.",
+        "\nThe model's input has neither dwell time nor speeds, which differ between actions but not between repeats,\n"
+        "and of earlier pushes only the resulting relief. The diagnosis explains the error above the floor.",
     ]
     return "\n".join(lines) + "\n" if rows else ""
 
@@ -120,7 +121,7 @@ def _ablation(worlds: list[Parts]) -> str:
         )
         equal = "lower" if height.high < 1 else "higher" if height.low > 1 else "no difference shown"
         ratios.append(
-            f"| {material} | {len(found)} | {_said(visual, 3)} | < 1 ({_met(visual, 1.0)}) | {_said(height, 3)} | "
+            f"| {material} | {len(found)} | {_cell(visual, 3)} | < 1 ({_met(visual, 1.0)}) | {_cell(height, 3)} | "
             f"{equal if len(found) > 1 else '–'} |"
         )
     lines = [
@@ -128,8 +129,8 @@ def _ablation(worlds: list[Parts]) -> str:
         "| material | n | trained on | " + " | ".join(_SCORES.values()) + " |",
         "|---|---|---|" + "---|" * len(_SCORES),
         *rows,
-        "\nErrors of the models with L_viz over those of the models without, paired by world:\n",
-        "| material | n | L_viz, with / without | target | L_3D, with / without | L_3D with L_viz |",
+        "\nRatio of the errors, trained with L_viz to without, paired by world:\n",
+        "| material | n | L_viz, with / without | target | L_3D, with / without | change of L_3D |",
         "|---|---|---|---|---|---|",
         *ratios,
     ]
@@ -146,7 +147,7 @@ def _transfer(worlds: list[Parts]) -> str:
         "|---|" + "---|" * len(MATERIALS),
     ]
     for on in MATERIALS:
-        cells = [_said(_mean(found, ("transfer", on, name))) for name in MATERIALS]
+        cells = [_cell(_mean(found, ("transfer", on, name))) for name in MATERIALS]
         lines.append(f"| {on} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
@@ -159,7 +160,7 @@ def _sizes(worlds: list[Parts]) -> str:
         whole = (f"both_{material}", "held_out", "model", "l_3d_mm2")
         found = _having(worlds, *paths, whole)
         if sizes and found:
-            cells = [_said(_mean(found, path)) for path in (*paths, whole)]
+            cells = [_cell(_mean(found, path)) for path in (*paths, whole)]
             rows.append(f"| {material} | {len(found)} | {' | '.join(cells)} |")
     lines = [
         "## Sample efficiency (figure 7.8): held-out L_3D, mm²\n",
@@ -176,13 +177,13 @@ def _outside(worlds: list[Parts]) -> str:
         part = f"outside_{material}"
         found = _having(worlds, (part,))
         if found:
-            cells = [_said(_mean(found, (part, key))) for key in ("within", "beyond", "beyond_by_all")]
+            cells = [_cell(_mean(found, (part, key))) for key in ("within", "beyond", "beyond_by_all")]
             rows.append(f"| {material} | {len(found)} | {' | '.join(cells)} |")
     lines = [
         "## Outside the training region: held-out L_3D, mm²\n",
-        "The first model is trained only on pushes of at most 25 mm length and 8 mm depth. The "
-        "last column is the model that was trained on all.\n",
-        "| material | n | within | beyond | beyond, trained on all |",
+        "The first two columns are of a model trained only on pushes of less than 25 mm length and 8 mm depth "
+        "(*inside*), the last of the model trained on all.\n",
+        "| material | n | inside | outside | outside, trained on all |",
         "|---|---|---|---|---|",
         *rows,
     ]
@@ -194,14 +195,14 @@ def _pinch(worlds: list[Parts]) -> str:
     found = _having(worlds, *paths.values())
     lines = [
         f"## Pushes and pinches in foam (table 7.1), n = {len(found)}\n",
-        "| action | " + " | ".join(_SCORES.values()) + " | L_3D of no change | L_3D / no change |",
+        "| action | " + " | ".join(_SCORES.values()) + " | L_3D of no change | L_3D, model / no change |",
         "|---|" + "---|" * (len(_SCORES) + 2),
     ]
     for label, path in paths.items() if found else ():
         model, unchanged = ((*path, of, "l_3d_mm2") for of in ("model", "unchanged"))
         lines.append(
-            f"| {label} | {_all_scores(found, (*path, 'model'))} | {_said(_mean(found, unchanged))} | "
-            f"{_said(_ratio(found, model, unchanged), 3)} |"
+            f"| {label} | {_all_scores(found, (*path, 'model'))} | {_cell(_mean(found, unchanged))} | "
+            f"{_cell(_ratio(found, model, unchanged), 3)} |"
         )
     return "\n".join(lines) + "\n" if found else ""
 
@@ -215,13 +216,13 @@ def _conditioned(worlds: list[Parts]) -> str:
             own, shared = (_mean(found, path) for path in paths)
             ratio = _ratio(found, paths[1], paths[0])
             longer = _having(found, ("longer", name))
-            cells = [_said(own), _said(shared), _said(ratio, 3), f"≤ {_OWN_BAR} ({_met(ratio, _OWN_BAR)})"]
+            cells = [_cell(own), _cell(shared), _cell(ratio, 3), f"≤ {_OWN_BAR} ({_met(ratio, _OWN_BAR)})"]
             over_longer = _ratio(longer, paths[1], ("longer", name)) if longer else None
-            rows.append(f"| {name} | {len(found)} | {' | '.join(cells)} | {len(longer)} | {_said(over_longer, 3)} |")
+            rows.append(f"| {name} | {len(found)} | {' | '.join(cells)} | {len(longer)} | {_cell(over_longer, 3)} |")
     lines = [
         "## One model for all materials: L_3D, mm²\n",
-        "In training, the conditioned model sees each push of a material five times where a material's own model\n"
-        "sees it three times. *own, longer* are own models with five times.\n",
+        "*Own* models are trained on one material, the *conditioned* model on all three, with five thirds of the\n"
+        "passes over each push. *Own, longer* models are own models with as many passes as the conditioned one.\n",
         "| material | n | own model | conditioned | conditioned / own | target | n | conditioned / own, longer |",
         "|---|---|---|---|---|---|---|---|",
         *rows,
@@ -237,18 +238,18 @@ def _unseen(worlds: list[Parts]) -> str:
         if found:
             best = [min(v for k, v in world["transfer"][name].items() if k != name) for world in found]
             ratio = mean_interval([world[part]["adapted"] / of for world, of in zip(found, best, strict=True)])
-            few = [_said(_mean(found, (part, key))) for key in ("unadapted", "alone", "adapted")]
+            few = [_cell(_mean(found, (part, key))) for key in ("unadapted", "alone", "adapted")]
             rows.append(
-                f"| {name} | {len(found)} | {_said(mean_interval(best))} | {' | '.join(few)} | {_said(ratio, 2)} | "
-                f"≤ {_UNSEEN_BAR} ({_met(ratio, _UNSEEN_BAR)}) | {_said(_mean(found, ('transfer', name, name)))} |"
+                f"| {name} | {len(found)} | {_cell(mean_interval(best))} | {' | '.join(few)} | {_cell(ratio, 2)} | "
+                f"≤ {_UNSEEN_BAR} ({_met(ratio, _UNSEEN_BAR)}) | {_cell(_mean(found, ('transfer', name, name)))} |"
             )
     lines = [
         "## An unseen material with 20 pushes: L_3D, mm²\n",
-        "The conditioned model of the two other materials is adapted on 20 pushes: first its context and last\n"
-        "layer, then all parameters at a low learning rate. The target is half the error of the best own model of\n"
-        "another material.\n",
-        "| unseen | n | best other's model | two others, not adapted | trained on 20 pushes only | adapted on 20 | "
-        "adapted / best other | target | own model, all pushes |",
+        "The conditioned model of the two other materials is fine-tuned on 20 pushes: first its context and last\n"
+        "layer, then all parameters at a low learning rate. The baseline *best other* is the better of the two other\n"
+        "materials' own models; the target is half its error.\n",
+        "| unseen | n | best other | conditioned, not fine-tuned | trained on 20 pushes only | fine-tuned on 20 | "
+        "fine-tuned / best other | target | own model, all pushes |",
         "|---|---|---|---|---|---|---|---|---|",
         *rows,
     ]
@@ -257,7 +258,7 @@ def _unseen(worlds: list[Parts]) -> str:
 
 def _all_scores(worlds: list[Parts], path: Keys) -> str:
     """Cells of all scores of one model."""
-    return " | ".join(_said(_mean(worlds, (*path, score)), 5 if score == "l_viz" else 4) for score in _SCORES)
+    return " | ".join(_cell(_mean(worlds, (*path, score)), 5 if score == "l_viz" else 4) for score in _SCORES)
 
 
 def _of(material: str, path: Keys) -> Keys:
@@ -287,7 +288,7 @@ def _ratio(worlds: list[Parts], over: Keys, under: Keys) -> Estimate:
     return mean_interval([_at(world, over) / _at(world, under) for world in worlds])
 
 
-def _said(estimate: Estimate | None, digits: int = 4) -> str:
+def _cell(estimate: Estimate | None, digits: int = 4) -> str:
     """Mean and half-width of its interval; the mean alone in one world."""
     if estimate is None:
         return "–"
@@ -296,7 +297,7 @@ def _said(estimate: Estimate | None, digits: int = 4) -> str:
 
 
 def _met(estimate: Estimate, most: float) -> str:
-    """Whether a target of at most so much is met."""
+    """Whether a target of at most ``most`` is met."""
     if estimate.high <= most:
         return "**met**"
     return "met by the mean" if estimate.value <= most else "not met"

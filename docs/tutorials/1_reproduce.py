@@ -1,11 +1,10 @@
 # %% [markdown]
 # # Reproduce a result
 #
-# Everything that this project makes can be made again: the same code, parameters and seed give the same bytes. This
-# page shows it on the smallest part of the pipeline, twelve strokes of a marker and a model of them.
+# Results of this project are reproducible: the same code, parameters and seed give the same bytes on one machine.
+# This tutorial shows it on the smallest part of the pipeline: twelve strokes of a marker, and a model of them.
 #
-# Each tutorial is a Python file in `docs/tutorials/`. Start it from the project's folder, as a script or cell by
-# cell.
+# Each tutorial is a Python file in `docs/tutorials/`. Run it from the project's folder, as a script or cell by cell.
 
 # %%
 import hashlib
@@ -31,8 +30,8 @@ torch.set_num_threads(1)  # sums in another order would round differently
 # %% [markdown]
 # ## Twelve strokes, three times
 #
-# The robot of the studio marks a sheet and photographs it before and after each stroke. The seed decides which
-# strokes, and what chance does to each: where the arm ends, how the paper takes the ink, the camera's noise.
+# The studio's robot draws on a sheet and photographs it before and after each stroke. The seed determines the strokes
+# and all noise: the error of the arm, the spread of the ink on the paper, the camera's noise.
 
 
 # %%
@@ -66,13 +65,14 @@ print("same seed, same bytes:    ", digest(first) == digest(again))
 print("another seed, same bytes: ", digest(first) == digest(other))
 
 # %% [markdown]
-# DVC keeps such a digest of every output in `dvc.lock`. It is how `make repro` knows what is up to date, and how you
-# know that a colleague's result is yours. Another processor may round differently; then compare figures, as below.
+# DVC keeps such a digest of every output in `dvc.lock`. By it, `make repro` knows which stages are up to date, and
+# you can check that a colleague has the same result. Another processor may round differently; then compare metrics,
+# as below.
 #
 # ## A model, twice
 #
-# Training draws its batches by a seed, too. The figure to look at is the intersection over union (IoU) of inked
-# pixels on strokes that the model was not trained on: 1 is a perfect prediction.
+# The batches of training depend on a seed, too. The metric is the intersection over union (IoU) of inked pixels on
+# held-out strokes: 1 is a perfect prediction.
 
 
 # %%
@@ -99,13 +99,13 @@ print(f"IoU on held-out strokes: {figure:.3f}")
 print("the same, trained again:", held_out_iou(again) == figure)
 
 # %% [markdown]
-# It saw nine strokes, three times: this is no good model yet, but everybody gets the same one.
+# The model was trained on nine strokes for three epochs, so it is not good yet, but it is the same in every run.
 #
-# The picture shows the first nine photographs with the commanded paths. The ink lies beside the lines: that is the
-# error which the model has to learn.
+# The picture shows the first nine photographs with the commanded paths. The ink lies beside the paths: the model has
+# to learn this displacement.
 #
-# To reproduce everything, run `make repro PROFILE=smoke` (ten minutes), and then once more: no stage runs again. The
-# next step is to change a parameter and see whether it helps: [reviewing runs](../reviewing.md).
+# To reproduce the whole pipeline on little data, run `make repro PROFILE=smoke` (10 to 20 minutes), and then once
+# more: no stage runs again. Next, change a parameter and compare the results: [reviewing runs](../reviewing.md).
 
 # %%
 picture = contact_sheet(shown_strokes(first))

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A new brush
 #
-# You bought a brush that nobody has trained on. The robot makes some strokes with it, and a model learns what it
-# does. No robot is needed here: the studio has one, and a brush whose behaviour the model does not know.
+# You have a new brush. The robot makes some strokes with it, and a model learns its behaviour. No real robot is
+# needed here: the studio has one, and a brush whose behaviour the model does not know.
 
 # %%
 import tempfile
@@ -28,11 +28,10 @@ from pentimento.robots.virtual import virtual_robot
 torch.set_num_threads(1)
 
 # %% [markdown]
-# ## What you tell the robot
+# ## The tool file
 #
-# A tool file holds what is on the package or can be measured with a ruler: a width, how far the brush may be pressed,
-# how fast it may move. Nothing in it says what a stroke looks like. The name is that of the studio's brush, which
-# stands for yours.
+# A tool file has what is on the package or can be measured with a ruler: a width, and the ranges of press and speed.
+# It says nothing about the look of a stroke. Its name is that of a brush of the studio, which stands in for yours.
 
 # %%
 TOOL = """
@@ -53,10 +52,11 @@ tool = load_tool(file)
 print(f"{tool.nominal_width_m * 1e3:.0f} mm wide, strokes of up to {tool.stroke_length_m[1] * 1e3:.0f} mm")
 
 # %% [markdown]
-# ## What the robot makes of it
+# ## Collect strokes
 #
-# Thirty strokes, all different: lengths, bends, presses and speeds are drawn at random, so that no two causes of an
-# error always come together. Every stroke passes a safety envelope that follows from the tool file.
+# Thirty strokes: 24 different commands, and three that are executed twice. Lengths, bends, presses and speeds are
+# random and independent, so that causes of errors can be separated. Every stroke passes a safety envelope that is
+# derived from the tool file.
 
 # %%
 config = CollectionConfig(
@@ -80,11 +80,11 @@ table = pa.Table.from_pylist(rows, schema=arrow_schema(CONTRACT, include_optiona
 print(f"{table.num_rows} strokes on {len(set(table['surface_id'].to_pylist()))} sheets")
 
 # %% [markdown]
-# ## What a model learns
+# ## Train a model
 #
-# Traj2Stroke has seven numbers: how the width follows the press, where the mark lies beside the path, how soft and
-# how dark it is. Three quarters of the strokes train it. The rest shows what it is worth, beside a line of one width
-# and one darkness that is fitted to the same strokes.
+# Traj2Stroke has seven parameters: the width as a function of press, the scale and offset of the mark, its softness
+# and darkness. It is trained on three quarters of the strokes and tested on the rest. The baseline is a line of
+# constant width and darkness, fitted to the same strokes.
 
 # %%
 training_config = TrainingConfig(
@@ -108,11 +108,11 @@ of_line = mean_iou(predict_with(line, held_out), held_out)
 print(f"IoU on {len(held_out.path)} held-out strokes: model {figure:.3f}, line {of_line:.3f}")
 
 # %% [markdown]
-# The picture shows three held-out strokes: the photograph before, the photograph after, and what the model predicted.
-# Place and width are near; the paint is still too thin after eight passes over twenty-one strokes.
+# The picture shows three held-out strokes: the photograph before, the photograph after, and the prediction. Place and
+# width are close; the paint is still too thin after eight epochs on twenty-one strokes.
 #
-# `pentimento enough` says whether more strokes would help, and `pentimento new tool` enters a brush into the
-# pipeline, which then diagnoses it and paints with it: [a new brush, step by step](../new_brush.md).
+# `pentimento enough` says whether more strokes would help, and `pentimento new tool` adds a brush to the pipeline,
+# which then diagnoses it and paints with it: [a new brush, step by step](../new_brush.md).
 
 # %%
 some = slice(0, 3)

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Diagnose a table of your own
 #
-# You have a table of measurements, a simulator that should predict them, and a gap between the two. The diagnosis
-# says which of the causes that you can think of is at work. It does not have to be about painting: here it is a cart
-# that glides along a rail.
+# You have a table of measurements, a simulator that should predict them, and a gap between the two. You list possible
+# causes, and the diagnosis says which of them are present. It works for any simulator: here, a cart that glides along
+# a rail.
 
 # %%
 import csv
@@ -23,11 +23,11 @@ TIMES_S = np.linspace(0.1, 1.5, 8)
 # %% [markdown]
 # ## The table
 #
-# A row is one push: the speed at which the cart starts, the direction, the temperature of the room, and where the
-# cart was (in mm) at eight times. Pushes are drawn at random, and some are repeated: repeats tell how large the noise
-# is.
+# A row is one push: the initial speed of the cart, the direction, the temperature of the room, and the distance (in
+# mm) at eight times. Pushes are random, and some are repeated, to measure the noise.
 #
-# This cell stands for your recording. It hides one thing: the grease of the bearings is thinner when it is warm.
+# This cell stands in for your recording. It has a hidden effect: the grease of the bearings is thinner when it is
+# warm.
 
 # %%
 rng = np.random.default_rng(4)
@@ -47,11 +47,11 @@ with file.open("w", newline="", encoding="utf-8") as out:
 print(file.read_text(encoding="utf-8").splitlines()[0], f"and {len(action)} rows")
 
 # %% [markdown]
-# ## The simulator, and what may be wrong with it
+# ## The simulator, and possible causes
 #
-# The simulator is one function: the values of its parameters go in, the readings come out. *Nuisances* are parameters
-# that nobody doubts and nobody knows exactly. A *cause* changes nothing while its quantity is 0; its typical size
-# sets the scale, and its covariates are the columns that its effect depends on.
+# The simulator is one function from the values of its parameters to the readings. *Nuisances* are parameters whose
+# values are only roughly known. A *cause* has no effect while its quantity is 0; its typical size sets the scale, and
+# its covariates are the columns that its effect depends on.
 
 # %%
 read = np.genfromtxt(file, delimiter=",", names=True)
@@ -94,8 +94,8 @@ problem = SimulatorProblem(
 # %% [markdown]
 # ## The verdict
 #
-# Some pushes propose causes, others confirm them, and a fifth, which no decision saw, measures what is gained. A
-# cause is *established* with a probability of .95 or more.
+# 60 % of the pushes propose causes and 20 % confirm them. The other 20 %, which no decision uses, measure the gain. A
+# cause is *established* if its probability is at least .95.
 
 # %%
 found = diagnose(problem, seed=0, log=lambda line: None)
@@ -105,16 +105,15 @@ figure = content["gap_closed"]["test"]
 print(f"Fraction of the gap closed: {figure:.3f}")
 
 # %% [markdown]
-# The cause that was hidden is named, and its quantity has a unit and an error. *Structured residual* is the next
-# lead: in the simulator the drag falls exponentially with the temperature, in the recording as 1 over a straight
-# line. The small difference is left, and the diagnosis says which parameter would have to follow which column to
-# explain it.
+# The hidden cause is named, and its quantity has a unit and a standard error. The *structured residual* is the next
+# hint: in the simulator the drag falls exponentially with the temperature, in the recording as 1 / (1 + 0.025 (T −
+# 20)). The small difference remains, and the diagnosis names the parameter and the column that it depends on.
 #
-# The left picture shows, for each push, how far the cart came beyond the simulator's prediction: the warmer the room,
-# the farther. On the right, the simulator knows the cause, and noise is left.
+# The picture, left: the residual of each push (measured minus predicted distance at the last time) grows with the
+# temperature. Right: with the cause in the simulator, only noise remains.
 #
-# With the function in a module of yours, `pentimento diagnose` does the same from a terminal. What the evidence is,
-# how it is weighed, and an example with a robot arm: [diagnose your own simulator](../diagnose_your_simulator.md).
+# With this function in a module of yours, `pentimento diagnose` does the same from a terminal. The evidence, its
+# weights, and an example with a robot arm: [diagnose your own simulator](../diagnose_your_simulator.md).
 
 # %%
 sketch, axes = plt.subplots(1, 2, figsize=(7, 3), sharey=True, layout="constrained", dpi=80)

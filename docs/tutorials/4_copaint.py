@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Paint together
 #
-# A person draws a house and asks for a tree. The robot photographs the sheet, imagines the tree where there is room,
-# plans strokes for it, and draws them. Then the person asks for one thing more. The person is simulated here, too.
+# A simulated person draws a house and asks for a tree. The robot photographs the sheet, generates a goal image with a
+# tree where there is room, plans strokes for it, and draws them. Then the person asks for a star.
 
 # %%
 from pathlib import Path
@@ -32,10 +32,10 @@ torch.set_num_threads(1)
 SIDE_M, SIDE_PX = 0.08, 128
 
 # %% [markdown]
-# ## The robot's imagination
+# ## The goal planner
 #
-# The goal planner edits pictures: canvas and words go in, the canvas as it could be comes out. The one in
-# `base/weights` learned to draw 245 things.
+# The goal planner turns a picture of the canvas and words into a goal image. The one in `base/weights` was trained on
+# drawings of 245 things.
 
 # %%
 planner = load_goal_planner(Path("base/weights/goal"))
@@ -61,10 +61,10 @@ def goal_for(photo, words):
 print(f"{len(vocabulary.nouns)} things, such as {', '.join(list(vocabulary.nouns)[:5])}")
 
 # %% [markdown]
-# ## The robot's hand
+# ## The stroke planner
 #
-# A marker on a sheet of 8 cm, and a planner that finds strokes by gradient. The stroke model is the simplest one, a
-# line of one width; a trained one ([a new brush](2_new_brush.md)) draws closer to the goal.
+# The robot draws with a marker on a sheet of 8 × 8 cm; the planner optimises strokes by gradient. The stroke model is
+# the simplest one, a line of constant width; a trained one ([a new brush](2_new_brush.md)) draws closer to the goal.
 
 # %%
 strokes = PlannerConfig(
@@ -102,7 +102,7 @@ robot = GuardedRobot(virtual_robot("marker", (SIDE_M, SIDE_M), 3), envelope_for(
 # %% [markdown]
 # ## Two turns
 #
-# After every fifteen strokes the robot looks at the sheet and plans the remaining strokes again.
+# After every fifteen strokes the robot photographs the sheet and replans the remaining strokes.
 
 # %%
 house = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
@@ -129,12 +129,12 @@ figure = float(surviving_ink(seen(turns[0].started), seen(turns[-1].after))[0])
 print(f"Share of the person's ink that is still there: {figure:.2f}")
 
 # %% [markdown]
-# Each row of the picture is a turn: what the person drew, the goal, the strokes as planned, and the sheet afterwards.
-# The robot adds, and leaves the house alone. Its lines are lighter than planned: that is what the untrained stroke
-# model gets wrong.
+# Each row of the picture is a turn: the person's drawing, the goal, the planned strokes, and the sheet afterwards.
+# The robot draws beside the house and not over it. Its lines are lighter than planned, because the stroke model was
+# not trained.
 #
-# To draw with it yourself on a page in your browser, run `make repro` once and then `pentimento studio
-# models/bundle`: [painting beside a person](../running.md).
+# To draw together with it on a page in your browser, run `make repro` once and then
+# `pentimento studio models/bundle`: [painting beside a person](../running.md).
 
 # %%
 picture = side_by_side(film_strip(turns), [turn.prompt for turn in turns], (200, 200))

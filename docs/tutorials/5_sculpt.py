@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Sculpt
 #
-# A robot presses a letter into foam with a ball. It first learns, from a few pushes, what a push does to the foam,
-# and then plans pushes by trying them in its head.
+# A robot presses a letter into foam with a ball. It first trains a model of pushes on a few of them, and then plans
+# pushes with the model.
 
 # %%
 import numpy as np
@@ -40,11 +40,11 @@ def foam(seed):
 
 
 # %% [markdown]
-# ## Learn what a push does
+# ## Train a model of pushes
 #
-# Thirty pushes at random, each with a scan of the surface before and after. A network learns the change of the
-# heights, starting from the shape of the tool. On pushes that it has not seen, its error is compared with that of
-# "nothing changes".
+# Thirty random pushes, each with a scan of the surface before and after. A network predicts the change of the
+# heights; it starts from the shape of the tool. Its error on held-out pushes is compared with the baseline "no
+# change".
 
 # %%
 robot = foam(1)
@@ -83,7 +83,7 @@ print(f"error in height, no change: {error_mm2(unchanged(held_out)):.4f} mm²")
 # ## A goal within reach
 #
 # A shape, a letter, a mesh or a picture becomes a relief, which is fitted to the slab: as deep as the tool reaches,
-# with the border left alone.
+# with an unchanged border.
 
 # %%
 robot = foam(2)
@@ -96,10 +96,10 @@ fit = GoalSettings(
 goal = fit_goal(relief, before, fit).height_m
 
 # %% [markdown]
-# ## Plan, push, look
+# ## Plan, push, scan
 #
-# The planner tries pushes with the model, four ahead, and improves them by gradient. After every two pushes the robot
-# scans the foam and plans again from what it sees.
+# The planner samples sequences of four pushes, evaluates them with the model, and improves them by gradient. After
+# every two pushes the robot scans the foam and replans.
 
 # %%
 planner = SculptorConfig(
@@ -119,11 +119,11 @@ print(f"Share of the error in height that is gone: {figure:.2f}")
 
 # %% [markdown]
 # The picture shows the foam before, the goal, and the foam after the pushes, lit from the side. Ten pushes of a ball
-# give the stem; the serifs need more of them.
+# make the stem; the serifs need more.
 #
-# From the bundle of `make repro`, one command sculpts letters, meshes and pictures:
-# [sculpting](../running.md#sculpting). How far it gets with more pushes and a model of all of them:
-# [results](../sculpting.md).
+# With the bundle of `make repro`, one command sculpts letters, meshes and pictures:
+# [sculpting](../running.md#sculpting). With more pushes and a model trained on more of them:
+# [sculpting results](../sculpting.md).
 
 # %%
 picture = np.hstack([photograph(height, window_m, 3) for height in (before, goal, result.heights_m[-1])])

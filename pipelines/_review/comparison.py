@@ -13,6 +13,8 @@ from pipelines._tracking.run import SYSTEM
 Pair = tuple[str | None, str | None]
 
 _TIME = "wall_s"
+_TASK = ("photograph", "world", "goals")
+"""Parameters of the stages that paint and sculpt which say what is to be made, and in which world."""
 
 
 @dataclass(frozen=True)
@@ -125,16 +127,27 @@ def _stage(history: History, name: str, a: StageRun | None, b: StageRun | None) 
     seconds = (metrics_a.pop(_TIME, None), metrics_b.pop(_TIME, None))
     if a is not None and b is not None and a.id == b.id:
         return StageDifference(name, (a, b), {}, {}, (), seconds, ({}, {}))
+    params = _differing(a.params, b.params) if a and b else {}
     found = [_with_items(history, figure, a, b) for figure in figures(metrics_a, metrics_b)]
+    if task := _other_task(name, params):
+        found = [replace(figure, better=None, other_task=task) for figure in found]
     return StageDifference(
         name,
         (a, b),
-        _differing(a.params if a else {}, b.params if b else {}) if a and b else {},
+        params,
         _differing(_data(a), _data(b)) if a and b else {},
         tuple(sorted(found, key=lambda figure: _rank(name, figure))),
         seconds,
         (history.pictures(a) if a else {}, history.pictures(b) if b else {}),
     )
+
+
+def _other_task(name: str, params: Mapping[str, Pair]) -> str:
+    """The differing parameter that gives two runs of a stage item different tasks; empty where there is none."""
+    stage, _, item = name.partition("@")
+    own = f"settings.{item}." if stage == "sculpt" else ""
+    known = [f"{own}{part}" for part in _TASK] if stage in ("paint", "sculpt") else []
+    return next((part.removeprefix(own) for part in known if part in params), "")
 
 
 def _metrics(run: StageRun | None) -> dict[str, float]:

@@ -48,6 +48,8 @@ class Figure:
     not_paired: str = ""
     """Why the values of the held-out items that both runs recorded are not paired; empty where they are, or are not
     recorded."""
+    other_task: str = ""
+    """Parameter that gave both runs different tasks, so that neither is better; empty where their task is the same."""
 
     @property
     def changed(self) -> bool:
@@ -60,6 +62,8 @@ class Figure:
         """Whether the choice of held-out items does not explain the difference; None if unknown."""
         if not self.changed:
             return False
+        if self.other_task:
+            return None
         if self.paired is not None:
             return self.paired.low > 0 or self.paired.high < 0
         a, b = self.intervals
@@ -72,6 +76,8 @@ class Figure:
             return "equal"
         if None in self.values:
             return "in one run only"
+        if self.other_task:
+            return f"differs; not comparable: the runs have different tasks ({self.other_task})"
         better = f"{self.better} is better" if self.better else "differs"
         if self.beyond_luck is None:
             return f"{better}; {self.not_paired or 'no interval recorded'}, so luck is not ruled out"

@@ -43,7 +43,7 @@ def calibration(lines: Sequence[Line]) -> str:
         return "No cause is named."
     probability, true = np.array([one.probability for one in found]), np.array([one.true for one in found])
     bins = np.minimum((probability * _BINS).astype(int), _BINS - 1)
-    table = ["| stated | causes | mean stated | at work | 95 % |", "|---|---|---|---|---|"]
+    table = ["| probability | causes | mean probability | fraction active | 95 % |", "|---|---|---|---|---|"]
     error = 0.0
     for number in np.unique(bins):
         own = bins == number

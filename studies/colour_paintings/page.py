@@ -29,23 +29,23 @@ _HEAD = """\
 Written by `python -m studies.colour_paintings page`; do not edit. Twelve photographs, each painted in the studio with a
 round brush, 340 strokes and 12 paints on 300 x 200 mm, replanned after every 20 strokes, by three planners:
 
-- **FRIDA**: the planner of Schaldenbrand, McCann & Oh (ICRA 2023), written from its description with the published
-  learning rates: random strokes, squared pixel error, Adam, k-means colours, light to dark.
+- **FRIDA**: the planner of Schaldenbrand, McCann & Oh (ICRA 2023), reimplemented from the paper with its learning
+  rates: random initial strokes, squared pixel error, Adam, k-means colours, light to dark.
 - **before**: this project's planner at commit 7647c1d.
-- **new**: the present one. It keeps up to three paints for small colours that differ from all others; its strokes reach
-  the rim of the sheet; it plans for strokes that come out up to 30 % narrower; and each photograph also relocates
-  useless strokes to where the canvas differs from the target.
+- **new**: the present planner. It reserves up to three paints for small areas of distinct colour; its strokes reach the
+  edge of the sheet; it allows for strokes that are executed up to 30 % narrower; and after each photograph it moves
+  strokes with little effect to where the canvas differs from the target.
 
-Settings were chosen on the first six photographs; the other six (*held back*) were scored once. All scores are of the
-last photograph.
+Settings were chosen on the first six photographs; the other six, the test split, were scored once. All scores are of
+the finished painting.
 
 ![Photograph, FRIDA, before, new](paintings.jpg)
 
 *From the left: photograph, FRIDA, before, new; ten of the twelve.*
 
-- **MSE**: mean squared difference in sRGB; **inner**: the same without a rim of 8 mm.
-- **features**: LPIPS without its learned weights, on the convolutions of the judge encoder, which guides no planner.
-- **paper**: share of the sheet that is bare (ΔE below 8 from the blank sheet) where the photograph is not that light.
+- **MSE**: mean squared difference in sRGB; **inner**: the same without a border of 8 mm.
+- **features**: LPIPS without its learned weights, on the convolutions of the judge encoder, which no planner uses.
+- **paper**: fraction of the sheet that is bare (ΔE below 8 to the blank sheet) where the photograph is not that light.
 - **salient**: the worst median ΔE (CIEDE2000) over the photograph's small salient colours (at most three, each .3 to
   5 % of the sheet). The definitions are in `studies/colour_paintings/scores.py`.
 
@@ -53,12 +53,12 @@ last photograph.
 
 
 _DISCUSSION = """
-Most of the fall of the whole MSE comes from the rim, which used to stay bare; the inner MSE falls by less. The planner
-does not know that acrylics dry darker: midtones come out about .03 (sRGB) darker than planned.
+Most of the decrease in MSE comes from the border, which the earlier planner left bare; the inner MSE falls by less. The
+planner does not model that acrylics dry darker: midtones become about .03 (sRGB) darker than planned.
 
-Tried on one or two photographs of the first half and left out: a fourth round and larger first strokes, 100 more
-iterations (1 % less MSE each), viewing distances of 1 and 2 px and starts weighted by saliency (less distance of
-features, more MSE), and sorting relocated strokes in among the others (more MSE).
+Tried on one or two of the first six photographs and rejected: a fourth round with larger first strokes, and 100 more
+iterations (1 % less MSE each); viewing distances of 1 and 2 px, and initial strokes weighted by saliency (lower
+*features*, higher MSE); and relocated strokes in order among the others (higher MSE).
 """
 
 
@@ -98,7 +98,7 @@ def table(rows: dict[str, dict[str, Row]]) -> str:
         ]
         name = f"*{picture}*" if picture in HELD_BACK else picture
         lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n\nIn each cell: FRIDA · before · new. *Italics*: held back.\n"
+    return "\n".join(lines) + "\n\nIn each cell: FRIDA · before · new. *Italics*: test split.\n"
 
 
 def summary(rows: dict[str, dict[str, Row]]) -> str:
@@ -112,7 +112,7 @@ def summary(rows: dict[str, dict[str, Row]]) -> str:
     def wins(name: str) -> int:
         return sum(getattr(new[p], name) < getattr(frida[p], name) for p in ALL)
 
-    lines = ["| | bar | all 12 | held back |", "|---|---|---|---|"]
+    lines = ["| | target | all 12 | test split |", "|---|---|---|---|"]
     for title, name, bar in (("MSE", "mse", "15 %"), ("inner MSE", "inner", "–"), ("features", "features", "10 %")):
         both = lower(name, [*ALL]), lower(name, [*HELD_BACK])
         lines.append(f"| {title} lower than before (geometric mean) | {bar} | {both[0]} | {both[1]} |")

@@ -1,6 +1,6 @@
-"""Planning by Chamfer distance between point clouds, as others do: what the visual objective is held against.
+"""Planning by Chamfer distance between point clouds: the baseline of the visual objective.
 
-Clouds are down-sampled on a voxel grid, as they must be to be compared at all (thesis 7.3.4, 7.4.2).
+Clouds are down-sampled on a voxel grid, which makes the distance affordable (thesis 7.3.4, 7.4.2).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""How much noise in its actions makes a plan worse than doing nothing, in height and in slope (thesis Figure 7.14).
+"""The execution noise above which a plan is worse than no action, in height and in slope (thesis Figure 7.14).
 
-All in the learned model: a plan is made, its actions are shaken, and the errors of what comes of them are averaged over
+All in the learned model: a plan is executed with noise on its actions, and the errors of the results are averaged over
 draws. `python -m studies.sculpting.noise --material foam --models DIR --out FILE.json [--seed 0]`
 """
 
@@ -31,14 +31,14 @@ FloatArray = NDArray[np.float64]
 
 ACTIONS, DRAWS, BATCH = 40, 6, 4
 VISUAL = 10.0
-"""Weight of the slopes in the plan: both errors are to fall."""
+"""Weight of the slopes in the plan, at which both errors fall."""
 LEVELS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0)
 AT_ONE = np.array([0.008, 0.008, 0.5, 0.008, 0.003])
 """Standard deviations of place, heading, length and depth at level 1."""
 
 
 def main(arguments: argparse.Namespace) -> None:
-    """Write `--out`: for each level the noise in mm², and both errors as shares of those of doing nothing."""
+    """Write `--out`: for each level the noise in mm², and both errors relative to those without any action."""
     torch.set_num_threads(1)
     given = settings(Path("params.yaml"))
     sculpting = given.sculpting
@@ -85,7 +85,7 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def _planned(height: Array, foresight: EnsembleRollout, reach: Reach, config: SculptorConfig) -> FloatArray:
-    """Actions [N, 5] planned as a robot would, looking after every few; what it sees is what the model says."""
+    """Actions [N, 5] planned as on a robot, with a scan after every few actions; scans are the model's predictions."""
     made: list[FloatArray] = []
     left = np.zeros((0, 5))
     while len(made) < ACTIONS:

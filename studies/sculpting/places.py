@@ -1,4 +1,4 @@
-"""Goals above the surface, by pushes alone and with placed pellets; and a goal below it, where pellets are no use.
+"""Goals above the surface, by pushes alone and with placed pellets; and a goal below it as a control.
 
 `python -m studies.sculpting.places --material foam --models DIR --out DIR/places_foam.json [--seeds 1 2 3 4 5]`
 
@@ -42,7 +42,7 @@ Array = NDArray[np.float32]
 TOOL, FEEDER = "ball", "pellets"
 PIXELS = 64
 PUSHES, PELLETS = 120, 24
-"""That the models are fitted to."""
+"""Number of pushes that the push model is fitted to."""
 ACTIONS = 24
 SIDE_SHARE = 0.4
 RAISED_M, SUNKEN_M = 0.004, 0.0035

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +21,16 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.images import write_png
 from pentimento.control.execute import Session
 from pentimento.control.loop import Hooks
-from pentimento.control.sculptor import Array, Sculptor, SculptureProgress, seen_m
+from pentimento.control.sculptor import SculptureProgress, seen_m
 from pentimento.goals3d.reliefs import letter_relief, place, soften
 from pentimento.goals3d.shading import photograph
-from pentimento.planning.objectives import ClayObjective
+from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.planning.pushes.goal import fit_goal
-from pentimento.planning.pushes.plan import PushPlan
 from pentimento.planning.pushes.scales import resampled
-from studies.sculpting.clay import model_of, robot_with, settings
+from studies.sculpting.clay import Clock, TimedSculptor, model_of, robot_with, settings
 from studies.sculpting.shapes import face, knot
 
+Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 MATERIAL, TOOL = "foam", "ball"
@@ -45,30 +44,6 @@ VISUAL = 4.0
 """Weight of the squared slope error; of the other weights see params.yaml."""
 _RELIEF_PX = 256
 _SHOWN_PX = 256
-
-
-@dataclass
-class Clock:
-    """Time that planning has taken."""
-
-    wall_s: float = 0.0
-    cpu_s: float = 0.0
-    plans: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimedSculptor(Sculptor):
-    """A sculptor that times its plans."""
-
-    clock: Clock
-
-    def _plan(self, height: Array, executed: tuple[FloatArray, ...], *, begun: FloatArray | None) -> PushPlan:
-        wall, cpu = time.perf_counter(), time.process_time()
-        made = super()._plan(height, executed, begun=begun)
-        self.clock.wall_s += time.perf_counter() - wall
-        self.clock.cpu_s += time.process_time() - cpu
-        self.clock.plans += 1
-        return made
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -91,8 +66,9 @@ def main(arguments: argparse.Namespace) -> None:
         count=arguments.actions, session=Session("reliefs", robot.clock_s), item=0, record=lambda _: None,
         clock=Clock(),
     )  # fmt: skip
-    noise = float(np.square(seen_m(robot.scan())[0] - height).mean())
-    window_m, begun = scan.window_m, sculptor.begin()[0]
+    window_m = scan.window_m
+    noise = _noise_of_a_scan(height, seen_m(robot.scan())[0], window_m, weights)
+    begun = sculptor.begin()[0]
 
     def keep(state: SculptureProgress) -> None:
         print(len(state.actions), f"{state.values[-1]:.4f}", f"{sculptor.clock.cpu_s:.1f} s", flush=True)
@@ -104,8 +80,21 @@ def main(arguments: argparse.Namespace) -> None:
     print(stopped)
 
 
+def _noise_of_a_scan(first_m: Array, second_m: Array, window_m: FloatArray, weights: Weights) -> dict[str, float]:
+    """The errors that noise of one scan makes on average: half those between two scans [H, W] of the same surface."""
+    between = ClayObjective(first_m, window_m, weights)
+    return {
+        "error_3d_mm2": float(between.error_3d_mm2(second_m)) / 2,
+        "visual_error": float(between.visual_error(second_m)) / 2,
+    }
+
+
 def _write(
-    arguments: argparse.Namespace, sculptor: TimedSculptor, state: SculptureProgress, window_m: FloatArray, noise: float
+    arguments: argparse.Namespace,
+    sculptor: TimedSculptor,
+    state: SculptureProgress,
+    window_m: FloatArray,
+    noise: dict[str, float],
 ) -> None:
     fine = sculptor.foresight.objective
     maps = (state.heights_m[0], sculptor.goal_m, state.heights_m[-1])
@@ -120,7 +109,7 @@ def _write(
         "visual_error_on_grid": [float(coarse.visual_error(each)) for each in (grid[0], grid[2])],
         "values": list(state.values),
         "prediction_error_mm2": float(np.mean(off)),
-        "difference_of_two_scans_mm2": 1e6 * noise,
+        "noise_of_a_scan": noise,
         "plans": vars(sculptor.clock),
     }  # fmt: skip
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

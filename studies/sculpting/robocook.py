@@ -2,9 +2,9 @@
 
 The file `robocook_dough_states.npz` in the folder that PENTIMENTO_MEASURED names holds ten states of one piece of dough
 as point clouds, and nine transitions between them, each by another tool. No action is recorded. So nothing can be
-predicted before the fact: each transition is compared with no change, with the mean change of the other eight, and with
-the best push of the studio's analytic model that a search finds *afterwards*. The search has six free numbers; how much
-such freedom explains by itself is measured on the same transition backwards, from after to before, which no tool made.
+predicted: each transition is compared with no change, with the mean change of the other eight, and with the best push
+of the studio's analytic model, fitted to the transition by a search. The search has six free parameters; as a control,
+it is run on the reversed transition, which no tool made.
 
 Clouds become height maps in the project's frame: x and y of the robot's base, z above the lowest point of the two
 clouds, cells of 4 mm, the highest point in each. The clouds are of dough alone: a cell without a point is table.
@@ -39,9 +39,9 @@ CELL_M: Final = 0.004
 CELLS: Final = 48
 WINDOW_M: Final = (0.0, 0.0, CELLS * CELL_M, CELLS * CELL_M)
 CUT_OR_CARRIED: Final = ("cutter_planar", "pusher", "spatula_small", "spatula_large", "hook")
-"""Tools after which part of the dough is gone, or all of it lies at another place: no push does that."""
+"""Tools that remove or carry dough, which no push does."""
 ROUNDS, TRIES, BEST = 10, 128, 16
-"""Of the search: rounds, pushes in each (eight times as many in the first), and those that the next are drawn from."""
+"""Of the search: rounds, pushes per round (eight times as many in the first), and the best that seed the next round."""
 LOW: Final = np.array([-np.pi, 0.0, 0.001, np.log(0.004)])
 HIGH: Final = np.array([np.pi, 0.06, 0.045, np.log(0.03)])
 """Range of the search: direction, length, depth, and the logarithm of the footprint's half-width."""
@@ -280,16 +280,16 @@ _PAGE = """# RoboCook's real dough
 Written by `python -m studies.sculpting.robocook --out docs`; do not edit. The clouds are of
 [RoboCook](https://github.com/hshi74/robocook) (MIT) and are not part of this repository: `PENTIMENTO_MEASURED` names
 their folder. Ten states of one piece of dough give {count} transitions, each by another tool. **No action is
-recorded**, so no model can predict them before the fact. What is measured is how much of each a single push *could*
-explain. (The authors' repository has actions of other transitions: [recording pushes](recording_pushes.md).)
+recorded**, so no model can predict them. This page measures how much of each a single push *could* explain in
+retrospect. (The authors' repository has actions of other transitions: [recording pushes](recording_pushes.md).)
 
 Heights on cells of 4 mm, the highest point of each, above the lowest point of the pair; errors are squared, mm², summed
 over the window, for each cell with dough before or after. *Mean of others*: the mean change of the other transitions.
 *Best push*: the analytic model with the parameters of its start (nothing is fitted to dough); place, direction, length,
-depth and width are found by a search afterwards. *Backwards*: what the same search explains of the transition from
-after to before, which no tool made: what six free numbers are worth. *Halves*: the difference between two halves of one
-cloud, a lower bound of the measurement's noise. Volume and rise (95th percentile of what rose): by the best push,
-and measured.
+depth and width are fitted to the transition by a search. *Backwards* is a control: the same search on the reversed
+transition, which no tool made, shows how much six free parameters fit by chance. *Halves*: the difference between two
+halves of one cloud, a lower bound of the measurement's noise. Volume and rise (95th percentile where the dough rose):
+by the best push / measured.
 
 | tool | volume | dough on bare table | no change | mean of others | best push | backwards | halves | volume | rise |
 |---|---|---|---|---|---|---|---|---|---|
@@ -311,7 +311,7 @@ What the model misses:
   footprint or two, and does not let a side slump.
 - **Whole-body deformation.** A press, a roller and a gripper move all of the dough at once; the model moves what its
   tool touches.
-- **Rise.** Where dough rose, the best push raises it by less than half of what was measured, with every tool.
+- **Rise.** Where dough rose, the best push raises it by less than half of the measured rise, with every tool.
 - **Cutting and carrying.** Cutters separate, the pusher and the spatulas take dough away or carry it off. No action of
   this project does.
 
@@ -321,10 +321,10 @@ What these transitions cannot tell:
   the same action would differ the next time, are unknown.
 - **The volume.** In the {kept} transitions that neither add nor take away, the measured volume changes by {least} to
   {most}, and carrying it with a spatula changes it by {carried}. The clouds were filled in by their authors, the
-  table's height is not recorded, and thin dough is sparse: a bias of the model's volume below that cannot be seen.
-- **Which step is wrong.** Between two states the tool may have been used several times, and the actions are unknown.
-- **Other dough.** It is one piece in one order, so that the transitions are not independent, and the intervals are too
-  narrow rather than too wide. A tool is there once: no tool can be compared with another.
+  table's height is not recorded, and thin dough is sparse: a smaller bias of the model's volume cannot be detected.
+- **Single actions.** Between two states the tool may have been used several times, and the actions are unknown.
+- **Other dough.** All states are of one piece of dough, so the transitions are not independent and the intervals are
+  probably too narrow. Each tool occurs once, so tools cannot be compared.
 """
 
 

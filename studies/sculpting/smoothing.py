@@ -37,7 +37,7 @@ MATERIAL = "dough"
 LINE_M = np.array([[0.1, 0.056 + 0.022 * number, 0.0, 0.0, 0.004] for number in range(5)])
 """Pokes with the edge, 24 mm wide and 6 mm long, one beside the other: a line along y."""
 VOXEL_M = 0.011
-"""Leaves some 330 points of the slab; the works that plan so have 300 (thesis 7.1)."""
+"""Leaves some 330 points of the slab; published planners of this kind use 300 (thesis 7.1)."""
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -125,7 +125,8 @@ def _next(
 ) -> NDArray[np.float64] | None:
     """The best action of many tried, then refined; None where none is expected to help.
 
-    Slopes are refined by their gradient, the Chamfer distance, which has none here, by as much work of cross-entropy.
+    The error in slope is refined by its gradient; the Chamfer distance has none here and is refined by
+    cross-entropy with as many evaluations.
     """
     refine: Literal["gradient", "cross_entropy"] = "cross_entropy"
     if not isinstance(objective, ChamferObjective):
@@ -142,7 +143,7 @@ def _next(
 
 
 def _goal(height: Array, given: Settings) -> Array:
-    """As much clay, level but for the border."""
+    """The goal: the same volume of clay, level except at the border."""
     return fit_goal(np.zeros(height.shape), height, replace(given.sculpting.fit, rising_share=1.0)).height_m
 
 

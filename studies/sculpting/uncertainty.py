@@ -24,17 +24,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import torch
 from numpy.typing import NDArray
 
-from pentimento.collection.pushes import collect_pushes
 from pentimento.contracts.atomic import atomic_folder, atomic_write
 from pentimento.control.execute import Session
 from pentimento.control.sculptor import reach_for, sculpt, seen_m
 from pentimento.dynamics.pushes.last_layers import fit_last_layers
-from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
+from pentimento.dynamics.pushes.measured import PushSamples
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import in_pose
 from pentimento.dynamics.pushes.push_model import PushModel, planned_members, read_push_model, write_push_model
@@ -46,14 +43,12 @@ from pentimento.dynamics.pushes.uncertainty import (
     fit_unexplained,
     pixels_of,
 )
-from pentimento.goals3d.sources import relief_of
 from pentimento.planning.objectives import ClayObjective, Weights, weights_for_scans
 from pentimento.planning.pushes.config import Reach, SculptorConfig
-from pentimento.planning.pushes.goal import fit_goal
 from pentimento.planning.pushes.plan import plan
 from pentimento.planning.pushes.rollout import EnsembleRollout, Unexplained
 from pentimento.planning.pushes.rollout import PushModel as PlannedModel
-from studies.sculpting.clay import Settings, robot_with, settings
+from studies.sculpting.clay import Settings, goal_on, once, pushes_of, robot_with, settings, unheard
 from studies.sculpting.noise import AT_ONE
 from studies.sculpting.places import PIXELS, coarse
 
@@ -109,12 +104,7 @@ class Bench:
 
     def once(self, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """What ``make`` returns, from its file if there is one."""
-        file = self.folder / f"{name}.json"
-        if not file.is_file():
-            atomic_write(file, (json.dumps(make(), indent=1) + "\n").encode())
-            print(name, flush=True)
-        found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        return found
+        return once(self.folder, name, make)
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -136,14 +126,14 @@ def prepared(material: str, folder: Path, apart: bool) -> Bench:
     given = coarse(settings(Path("params.yaml")))
     given = replace(given, sculpting=replace(given.sculpting, side_share=SIDE_SHARE))
     folder.mkdir(parents=True, exist_ok=True)
-    training, validation = split_by_action(_pushes(material, given, folder, given.collection.seed), 0.25, 0)
+    training, validation = split_by_action(pushes_of(material, TOOL, given, folder, given.collection.seed), 0.25, 0)
     crop = crop_for(training, given.training)
     seen = in_pose(training, crop)
 
     def trained(name: str, seed: int) -> PushModel:
         if not (folder / name).is_dir():
             config = replace(given.training, members=1, seed=seed)
-            model = train(seen, "push", [(material, TOOL)], crop=crop, config=config, log=_unheard)
+            model = train(seen, "push", [(material, TOOL)], crop=crop, config=config, log=unheard)
             with atomic_folder(folder / name) as out:
                 write_push_model(model, out)
         return read_push_model(folder / name)
@@ -171,7 +161,7 @@ def intervals_of(bench: Bench, _seeds: Sequence[int]) -> dict[str, Any]:
     crop = bench.models["one"].facts.crop
     found: dict[str, Any] = {}
     given = replace(bench.given, collection=replace(bench.given.collection, pushes=TEST_PUSHES))
-    tests = [in_pose(_pushes(bench.material, given, bench.folder, seed), crop) for seed in TEST_SEEDS]
+    tests = [in_pose(pushes_of(bench.material, TOOL, given, bench.folder, seed), crop) for seed in TEST_SEEDS]
     for name, model in bench.models.items():
         known = pixels_of(model, in_pose(bench.validation, crop))
         fits = {"as fitted": fit_intervals(known)}
@@ -238,7 +228,7 @@ def noisy_scans(bench: Bench, seeds: Sequence[int]) -> list[dict[str, Any]]:
 def _sculpted(bench: Bench, seed: int, goal: str, name: str) -> dict[str, Any]:
     arm, given = ARMS[name], bench.given
     robot, end_effector = robot_with(bench.material, TOOL, PIXELS, seed)
-    goal_m = _goal(goal, seen_m(robot.scan())[0], given)
+    goal_m = goal_on(goal, seen_m(robot.scan())[0], given.sculpting)
     weights = replace(given.sculpting.planner.weights, slope_scale_m=arm.scale_m)
     config = replace(
         given.sculpting.planner, weights=weights, disagreement_weight=arm.weight, count_unexplained=arm.unexplained
@@ -338,7 +328,7 @@ def _in_the_model(bench: Bench, seed: int) -> tuple[Array, ClayObjective, Reach,
     planner = bench.given.sculpting.planner
     robot, end_effector = robot_with(bench.material, TOOL, PIXELS, seed)
     height = seen_m(robot.scan())[0]
-    goal_m = _goal(GOALS[seed % len(GOALS)], height, bench.given)
+    goal_m = goal_on(GOALS[seed % len(GOALS)], height, bench.given.sculpting)
     objective = ClayObjective(goal_m, WINDOW_M, Weights(1.0, VISUAL))
     return height, objective, reach_for(end_effector, robot.area_m, planner.edge_m), planner
 
@@ -368,24 +358,6 @@ def _errors(objective: ClayObjective, height: Array) -> dict[str, float]:
     }
 
 
-def _goal(source: str, height: Array, given: Settings) -> Array:
-    soften_px = given.sculpting.edge_blur_m * height.shape[1] / 0.2
-    relief = relief_of(source, (height.shape[0], height.shape[1]), SIDE_SHARE, soften_px=soften_px)
-    return fit_goal(relief, height, given.sculpting.fit).height_m
-
-
-def _pushes(material: str, given: Settings, folder: Path, seed: int) -> PushSamples:
-    """Pushes of a seed, into a slab of that seed."""
-    file = folder / f"pushes_{seed}.parquet"
-    if not file.is_file():
-        robot, end_effector = robot_with(material, TOOL, PIXELS, seed)
-        rows = collect_pushes(robot, end_effector, material, replace(given.collection, seed=seed), _unheard)
-        sink = pa.BufferOutputStream()
-        pq.write_table(pa.Table.from_pylist(rows), sink)
-        atomic_write(file, sink.getvalue().to_pybytes())
-    return load_pushes(pq.read_table(file), given.training.pixels_per_m)[0]
-
-
 def _of_one_width(known: Pixels) -> Intervals:
     """Intervals of one width everywhere, that cover as much."""
     width = float(np.quantile(np.abs(known.residual_mm[known.moved]), 0.9))
@@ -406,10 +378,6 @@ def summary(shares: Sequence[float]) -> dict[str, float]:
     """Mean of all, and of the worst tenth (one at least)."""
     worst = np.sort(shares)[::-1][: max(round(0.1 * len(shares)), 1)]
     return {"mean": float(np.mean(shares)), "worst_tenth": float(worst.mean())}
-
-
-def _unheard(_name: str, _value: float, _step: int) -> None:
-    """Discards the training curves."""
 
 
 if __name__ == "__main__":

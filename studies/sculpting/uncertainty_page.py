@@ -1,4 +1,4 @@
-"""The sections of docs/sculpting.md on uncertainty, from what `uncertainty` wrote."""
+"""The sections of docs/sculpting.md on uncertainty, from the results of `uncertainty`."""
 
 from __future__ import annotations
 
@@ -13,19 +13,28 @@ from studies.sculpting.uncertainty import ERRORS, summary
 from studies.student_t import mean_interval
 
 _MODELS = {
-    "one": "one network", "three": "three last layers on one network", "apart": "three networks trained apart"
+    "one": "one network", "three": "one network, three last layers", "apart": "ensemble of three networks"
 }  # fmt: skip
+_INTERVALS = (
+    "model", "coverage", "predicted ≥ 0.2 mm", "measured ≥ 0.2 mm", "mean width", "score", "coverage, constant width",
+    "score, constant width", "coverage, ensemble only", "ensemble variance / squared residual",
+)  # fmt: skip
+_ACTIONS = (
+    "plan", "slope: no noise", "little noise", "limit, mm²", "slope at 4 mm: no noise", "little noise", "limit, mm²",
+    "height: no noise", "little noise", "limit, mm²",
+)  # fmt: skip
+"""Heads of the tables of `_intervals` and of `_actions`."""
 
 
-def sections(said: dict[str, Any]) -> str:
-    """All that was measured of one material."""
-    made = {"intervals": _intervals, "sculptures": _sculptures, "actions": _actions, "scans": _scans}
-    return "\n".join(write(said) for part, write in made.items() if part in said)
+def sections(results: dict[str, Any]) -> str:
+    """The sections of one material's results, a dictionary by part."""
+    writers = {"intervals": _intervals, "sculptures": _sculptures, "actions": _actions, "scans": _scans}
+    return "\n".join(write(results) for part, write in writers.items() if part in results)
 
 
-def _intervals(said: dict[str, Any]) -> str:
+def _intervals(results: dict[str, Any]) -> str:
     lines = []
-    for name, found in said["intervals"].items():
+    for name, found in results["intervals"].items():
         fitted, one = found["as fitted"], found["of one width"]
         lines.append(
             f"| {_MODELS[name]} | {_range(fitted['coverage'])} | "
@@ -35,25 +44,28 @@ def _intervals(said: dict[str, Any]) -> str:
             f"{percent(found['spread_mm2'] / found['residual_mm2'])} |"
         )
     return f"""
-## What push models know of their errors
+## Calibration of the push models' uncertainty
 
-Intervals of the change of height of each pixel that are to contain 90 % of what is seen, in {said["material"]}. Their
-variance has four terms: the members' spread, noise of the scans, and shares of the change and of its slope
-(`dynamics/pushes/uncertainty.py`); the factors and the width are fitted to pushes that the networks were not trained
-on. The table is of pushes of other seeds (another slab, other actions), where the model expects 0.2 mm of change or
-more or that much was seen (*coverage*), and of each of the two areas alone. That area was chosen after a look at three
-earlier test seeds; the table is of three that were drawn afterwards. *Score* is the mean interval score
-(Gneiting & Raftery 2007), lower is better; *one width* are intervals as wide everywhere; the last columns are the
-coverage of the spread alone, and its share of the squared residual.
+For each pixel the model predicts a 90 % interval of the change of height, in {results["material"]}. Its variance is
+the sum of the ensemble's variance, the noise of the scans, and terms proportional to the squared change and to its
+squared gradient (`dynamics/pushes/uncertainty.py`). Their factors and the width of the interval are fitted to a
+validation split. The baseline *constant width* has the same interval everywhere, fitted likewise.
 
-| model | coverage | where expected | where it moved | width | score | one width | score | spread alone | spread |
+The test pushes have other seeds (another slab, other actions). *Coverage* is the fraction of measured changes inside
+the interval, from the lowest to the highest test seed, over pixels where a change of 0.2 mm or more is predicted or
+measured; the next two columns take either condition alone. These pixels were chosen after a look at three earlier test
+seeds; the three seeds of the table were drawn afterwards. *Score* is the mean interval score (Gneiting & Raftery 2007),
+lower is better. The last two columns are of the ensemble's variance alone: the coverage of its intervals, and its ratio
+to the mean squared residual.
+
+| {" | ".join(_INTERVALS)} |
 |---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 """
 
 
-def _sculptures(said: dict[str, Any]) -> str:
-    runs = said["sculptures"]
+def _sculptures(results: dict[str, Any]) -> str:
+    runs = results["sculptures"]
     worst = "worst tenth"
     arms = list(dict.fromkeys(run["arm"] for run in runs))
     left = {
@@ -74,14 +86,15 @@ def _sculptures(said: dict[str, Any]) -> str:
         lines.append(f"| {arm} | {' | '.join(cells)} |")
     goals, seeds = (sorted({run[key] for run in runs}) for key in ("goal", "seed"))
     return f"""
-## What planning with uncertainty gains
+## Gain by planning with uncertainty
 
-{len(goals)} goals ({", ".join(goals)}) on {len(seeds)} slabs of {said["material"]} in the studio, at most
-{said["pushes"]} pushes each. What is left of the error in height, in slope, and of the planner's objective, as a
-share of that before, mean of all {len(goals) * len(seeds)} runs and of the worst tenth; the gain is that of the
-objective over one network that ignores it, paired by goal and slab, with its 95 % interval (Student's t). *Spread*
-plans with the variance of the three members, *unexplained* with the share of each push that the model leaves, both
-with a weight of 1: the expected objective.
+{len(goals)} goals ({", ".join(goals)}) on {len(seeds)} slabs of {results["material"]} in the studio, at most
+{results["pushes"]} pushes each. The table has the remaining errors in height and in slope and the remaining objective
+of the planner, relative to those before: means of all {len(goals) * len(seeds)} runs and of the worst tenth. *Gain* is
+the decrease of that mean objective relative to the first plan, one network without uncertainty, paired by goal and
+slab, with its 95 % interval (Student's t). *Spread* adds the variance of the three members to the objective,
+*unexplained* the fraction of each push's effect that the model does not explain. Both have a weight of 1, which gives
+the expected objective.
 
 | plan | height | {worst} | slope | {worst} | objective | {worst} | gain | pushes |
 |---|---|---|---|---|---|---|---|---|
@@ -89,8 +102,8 @@ with a weight of 1: the expected objective.
 """
 
 
-def _actions(said: dict[str, Any]) -> str:
-    runs = said["actions"]
+def _actions(results: dict[str, Any]) -> str:
+    runs = results["actions"]
     plans, levels = list(dict.fromkeys(run["plan"] for run in runs)), sorted({run["level"] for run in runs})
     seeds = len({run["seed"] for run in runs})
 
@@ -109,22 +122,24 @@ def _actions(said: dict[str, Any]) -> str:
             cells += [percent(shares[0]), percent(shares[1]), crossing(noise, shares)]
         lines.append(f"| {plan} | {' | '.join(cells)} |")
     return f"""
-## Noise of actions that the plan knows of (thesis 7.5.2)
+## Plans that account for execution noise (thesis 7.5.2)
 
-Plans of {said["pushes"]} pushes in the learned model; slabs, each with a goal: {seeds}; {said["draws"]} draws a level.
-They are made by slopes of neighbouring pixels (*plain*), by slopes at a scale, or know the noise: pushes are tried in
-the model with and without it, and the share of their energy in height and slope that differs is a cost of each push.
-For each error: what is left without noise and with little of it ({decimal(noise[1])} mm²), and the noise from which on
-acting is worse than not acting. Noise is that of one action of the plain plan, mm².
+Plans of {results["pushes"]} pushes, executed in the learned model; {seeds} slabs with one goal each;
+{results["draws"]} draws per noise level. *Plain* plans compare slopes of neighbouring pixels, the next ones slopes at
+a scale of 4 mm. Plans with *noise known* add a cost to each push. For it, the pushes of the plain plan are simulated
+with and without noise; the cost is the fraction of their energy, in height and in slope, in which the two results
+differ. For each error, the table has the fraction that remains without noise and with little noise
+({decimal(noise[1])} mm²), and the limit, the noise in mm² above which acting is worse than not acting. Noise is that
+of one action of the plain plan.
 
-| plan | slope | little | worse from | slope at 4 mm | little | worse from | height | little | worse from |
+| {" | ".join(_ACTIONS)} |
 |---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 """
 
 
-def _scans(said: dict[str, Any]) -> str:
-    runs = said["scans"]
+def _scans(results: dict[str, Any]) -> str:
+    runs = results["scans"]
     lines = []
     for noise_m in sorted({run["noise_m"] for run in runs}):
         some = [run for run in runs if run["noise_m"] == noise_m]
@@ -140,10 +155,11 @@ def _scans(said: dict[str, Any]) -> str:
     return f"""
 ## Noise of scans
 
-Plans of {said["pushes"]} pushes in the learned model, each made on scans with white noise of this standard deviation,
-a scan after every fourth push. *At a scale* compares slopes of least-squares lines through a Gaussian neighbourhood;
-two scans of the slab choose its size, so that noise adds at most 5 % of the error in slope. What is left of the
-errors of the surface without noise, in slopes of neighbouring pixels:
+Plans of {results["pushes"]} pushes in the learned model, each from scans with white noise of the standard deviation in
+the first column, with a new scan after every fourth push. *At a scale* takes slopes by least squares in a Gaussian
+neighbourhood; its size is chosen from two scans of the slab, so that noise adds at most 5 % of the error in slope. The
+table has the remaining errors of the surface without noise, with slopes of neighbouring pixels, relative to those
+before:
 
 | noise | scale | slope, plain | slope, at a scale | gain | height, plain | height, at a scale | gain |
 |---|---|---|---|---|---|---|---|
@@ -152,7 +168,7 @@ errors of the surface without noise, in slopes of neighbouring pixels:
 
 
 def crossing(noise: Sequence[float], shares: Sequence[float]) -> str:
-    """From which noise on, mm², an error is above that of doing nothing, by linear interpolation."""
+    """The noise in mm² above which an error exceeds that without any action, by linear interpolation."""
     for number in range(1, len(shares)):
         if shares[number] > 1 >= shares[number - 1]:
             part = (1 - shares[number - 1]) / (shares[number] - shares[number - 1])

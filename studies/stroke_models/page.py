@@ -22,26 +22,27 @@ _HEAD = """\
 Written by `python -m studies.stroke_models`; do not edit. Every model is trained on the same strokes, commanded paths
 and windows, with the thesis's weighted L1 (5.3.4). One function computes all scores: the L1 over a stroke's window,
 in sRGB between 0 and 1, and the IoU of inked pixels. A pixel is inked if it has more than 110/255 of the contrast
-between paper and paint. Both scores are means over strokes at 1 px/mm. Trivial models are fitted once for each score.
+between paper and paint. Both scores are means over strokes at 1 px/mm. Trivial models (blank paper, stamp, polyline)
+are fitted once for each score.
 To compare the models on your own brush: `python -m studies.stroke_models --strokes TABLE --out DIR`.
 
 | row | model |
 |---|---|
 | blank paper | predicts no mark |
 | stamp | the mean mark of the training strokes, stretched to the stroke's length |
-| constant-width polyline | the commanded path with one width and one opacity |
-| param2stroke | from length, bend and press to an image (thesis 4.3.2) |
-| CNN, CNN with CoordConv | the whole path through a linear layer and transposed convolutions (5.4.3) |
+| constant-width polyline | commanded path with one width and one opacity |
+| param2stroke | network from length, bend and press to an image (thesis 4.3.2) |
+| CNN, CNN with CoordConv | the path through a linear layer and transposed convolutions (5.4.3) |
 | U-Net on the path's image | the input is an image of the path; not in the thesis |
 | Traj2Stroke | seven parameters and an opacity (5.3.4) |
-| Traj2Stroke + U-Net | Traj2Stroke frozen for the first half; the U-Net's last convolution starts at zero (5.4.3) |
-| Traj2Stroke + mechanisms | with the causes that `pentimento diagnose` establishes on the training strokes |
-| Traj2Stroke + mechanisms + correction | the same, frozen, and a small network that moves and widens the mark |
+| Traj2Stroke + U-Net | Traj2Stroke, frozen for half of training; the U-Net's last convolution starts at 0 (5.4.3) |
+| Traj2Stroke + mechanisms | extended by the causes that `pentimento diagnose` establishes on the training strokes |
+| Traj2Stroke + mechanisms + correction | the row above, frozen, with a small network that shifts and widens the mark |
 
-A pen is never pressed. In the rows with mechanisms a pen therefore has no scale m, unless the diagnosis establishes
-one: a rigid tip follows the command. All networks assume that a tool is symmetric: half of their training strokes are
-mirrored. The correction gets the geometry of the stroke alone. Its output is multiplied by the factor that predicts
-held-out training strokes best, which may be zero.
+The rigid tip of a pen follows its command. In the rows with mechanisms a pen therefore has no scale m, unless the
+diagnosis establishes one. The networks assume symmetric tools: half of their training strokes are mirrored. The
+correction gets the geometry of the stroke only. Its output is multiplied by a factor, chosen on a validation split of
+the training strokes, which may be zero.
 """
 
 
@@ -57,7 +58,7 @@ def whole(
             sections.append(_studio(tool, list(runs.values())))
     if any(tables.values()):
         sections.append(
-            "Mean L1 with 95 % intervals (Figures 4.8 and Table 5.2):\n\n![Errors](stroke_models/errors.png)\n"
+            "Mean L1 with 95 % intervals (thesis Figure 4.8 and Table 5.2):\n\n![Errors](stroke_models/errors.png)\n"
         )
     sections.append(_curves(curves))
     sections.append(_sets(sets, [name for name in BRUSHES if name in sets], "Photographed strokes: brushes"))
@@ -84,8 +85,8 @@ def _studio(tool: str, runs: Sequence[Results]) -> str:
     lines = [
         f"## In the studio: {tool}\n",
         f"Trained on {runs[0][next(iter(runs[0]))]['strokes']} designed Bézier strokes (dataset A). Tested on other "
-        f"strokes of A, and on {max(strokes)} strokes of synthetic writers with turns and loops (dataset B). Studios "
-        f"with different seeds: {len(runs)}. 95 % intervals: bootstrap over strokes.\n",
+        f"strokes of A, and on {max(strokes)} strokes of synthetic writers with turns and loops (dataset B). Number of "
+        f"studio seeds: {len(runs)}. 95 % intervals: bootstrap over strokes.\n",
         *_table(runs, {"A": "A", "B": "B"}),
         "",
         *_studio_bars(tool, runs),
@@ -99,7 +100,7 @@ def _studio(tool: str, runs: Sequence[Results]) -> str:
 def _table(runs: Sequence[Results], tests: Mapping[str, str]) -> list[str]:
     heads = [f"{score} {label}" for label in tests for score in ("L1", "IoU")]
     lines = [
-        "| model | " + " | ".join(heads) + " | training, CPU s | rendering one, ms |",
+        "| model | " + " | ".join(heads) + " | training, CPU s | rendering a stroke, ms |",
         "|---|" + "---|" * (len(heads) + 2),
     ]
     for name in _common(runs):
@@ -128,9 +129,10 @@ def _studio_bars(tool: str, runs: Sequence[Results]) -> list[str]:
             best = min([*chosen, "polyline"], key=lambda name: estimate(runs, name, "B", "l1").value)
             found = ratio(runs, OURS, best, "B", "l1")
             bar = _BELOW_NEXT if tool != "marker" else 1.0
+            met = found.value <= bar if bar < 1 else found.value < bar
             lines.append(
                 f"- L1 of Traj2Stroke + mechanisms on B, divided by that of the best of {whom} ({NAMES[best]}): "
-                f"{_number(found, 2)}, target {'≤ 0.75' if tool != 'marker' else '< 1'} {_met(found.value <= bar)}."
+                f"{_number(found, 2)}, target {'≤ 0.75' if tool != 'marker' else '< 1'} {_met(met)}."
             )
     return lines
 
@@ -160,7 +162,7 @@ def _sets(sets: Mapping[str, Sequence[Results]], names: Sequence[str], title: st
     lines = [
         f"## {title}\n",
         "Trained on three quarters of a set. Tested on its held-out strokes, and on another set of a similar tool. "
-        f"Values are means over {times} of the four folds. The best value of each row is bold.\n",
+        f"Values are means over {times} of 4 folds. The best value of each row is bold.\n",
     ]
     for score, best, digits in (("iou", max, 3), ("l1", min, 4)):
         models = [name for name in NAMES if any(name in _common(sets[each]) for each in names) and name != "blank"]
@@ -251,7 +253,7 @@ def _causes(run: Results) -> str:
     said = run[OURS]["said"]
     names = ", ".join(f"`{cause}`" for cause in said["established"]) or "nothing"
     return names + (
-        "" if said["kept"] or not said["established"] else " (not used: the joint fit with it was not better)"
+        "" if said["kept"] or not said["established"] else " (not used: the joint fit with it is no better)"
     )
 
 

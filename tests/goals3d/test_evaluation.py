@@ -9,6 +9,7 @@ from pentimento.goals3d.evaluation import goal_errors
 from pentimento.goals3d.reliefs import letter_relief, place, soften
 from pentimento.planning.objectives import ClayObjective, Weights
 from pentimento.semantics.letter_classifier import LetterClassifier
+from studies.sculpting.alphabet import fonts_of_other_families
 
 GOAL = np.random.default_rng(0).normal(0.04, 1e-3, (20, 20)).astype(np.float32)
 OBJECTIVE = ClayObjective(GOAL, (0.0, 0.0, 0.02, 0.02), Weights(1.0, 1.0))
@@ -67,3 +68,8 @@ def test_level_clay_has_low_probability(classifier: LetterClassifier) -> None:
 def test_classifier_is_reproducible(classifier: LetterClassifier) -> None:
     again = LetterClassifier(LETTERS, examples=30, seed=0)
     assert again.classify(sunk("C"), 0.1) == classifier.classify(sunk("C"), 0.1)
+
+
+def test_reads_letters_of_a_font_that_it_was_not_trained_on() -> None:
+    reader = LetterClassifier(LETTERS, examples=30, seed=0, fonts=fonts_of_other_families())
+    assert "".join(reader.classify(sunk(letter), 0.1).letter for letter in LETTERS) == LETTERS

@@ -11,6 +11,7 @@ from pipelines import compare
 from pipelines._dvc import run_dvc
 from pipelines._review.agreement import altered, check
 from pipelines._review.comparison import Comparison, Side, StageDifference
+from pipelines._review.comparison import compare as compare_runs
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._review.page import text
 from pipelines._tracking.store import open_store, store_errors
@@ -207,3 +208,26 @@ def test_a_stage_that_never_ran_is_missing(folder: Path) -> None:
         ask(check=True, profile="smoke")
     agreeing, said = check(folder, "smoke")
     assert agreeing == 0 and len(said) == 2 and all("MLflow has no finished run of it" in each for each in said)
+
+
+@pytest.mark.parametrize(
+    ("stage", "item", "changed", "sentence"),
+    [
+        ("paint", "colour", "photograph", "differs; not comparable: the runs have different tasks (photograph)"),
+        ("sculpt", "foam", "settings.foam.goals", "differs; not comparable: the runs have different tasks (goals)"),
+        ("sculpt", "foam", "settings.dough.goals", "B is better"),
+        ("paint", "colour", "strokes", "B is better"),
+    ],
+)
+def test_runs_of_different_tasks_have_no_better_side(
+    stage: str, item: str, changed: str, sentence: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(id_: str, value: str, error: float) -> StageRun:
+        return StageRun(id_, stage, item, "FINISHED", 0, {changed: value}, {"error": error}, {}, {}, {})
+
+    monkeypatch.setattr(History, "pictures", lambda _history, _run: {})
+    with store_errors():
+        (difference,) = compare_runs(History(), run("1", "coffee", 0.3), run("2", "cat", 0.2)).stages
+    (figure,) = difference.figures
+    assert figure.sentence.startswith(sentence)
+    assert (figure.better == "B") == (sentence == "B is better")

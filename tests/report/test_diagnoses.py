@@ -97,6 +97,7 @@ def test_what_to_record_next_is_counted_by_question(folder: Path) -> None:
     assert found.proposed == {"bristle_lag | latency": 3, "bristle_lag": 1}
     html = diagnoses_section([found], Album())
     assert (
-        "3 strokes of <code>data/gap/big_brush/next_actions.parquet</code>, which tell bristle_lag from latency" in html
+        "3 strokes of <code>data/gap/big_brush/next_actions.parquet</code>, which distinguish bristle_lag from latency"
+        in html
     )
-    assert "1 stroke of" in html and "which measure bristle_lag more exactly" in html
+    assert "1 stroke of" in html and "which reduce the standard errors of bristle_lag" in html

@@ -77,7 +77,7 @@ def test_section_compares_the_model_with_the_polyline(tool: ToolInputs) -> None:
     text = section(replace(pens, counts=tool.counts | {"quarantined": 1}))
     assert "trained on 3 strokes and tested on 3 others (1 row of the table violated the contract" in text
     assert "0.200 higher than the polyline’s" in text and "2.50 times smaller than the polyline’s" in text
-    assert "3.00 mm wide" in text and "would be 4.00 mm" in text
+    assert "3.00 mm wide" in text and "A second fit, 4.00 mm wide" in text
 
 
 def test_section_states_where_the_model_is_worse_than_the_polyline(tool: ToolInputs) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from pentimento.contracts.images import read_image, write_png
 from pentimento.planning.objectives import ClayObjective, Weights
-from studies.sculpting import page
+from studies.sculpting import page, rims
 from studies.sculpting.chamfer import ChamferObjective
 from studies.sculpting.shapes import face, knot
 
@@ -52,7 +52,7 @@ def test_the_page_says_where_acting_becomes_worse_than_not_acting(tmp_path: Path
     (tmp_path / "noise.json").write_text(json.dumps(said))
     page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
     text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
-    assert "in slope from 0.100 mm² on and in height from 0.300 mm² on" in text  # halfway between two levels each
+    assert "0.100 mm² in slope and 0.300 mm² in height" in text  # halfway between two levels each
     assert (tmp_path / "docs/sculpting/noise.png").exists() and "alphabet" not in text
 
 
@@ -69,7 +69,7 @@ def test_the_page_counts_letters_that_met_their_bar_and_were_read(tmp_path: Path
         write_png(folder / f"{number}_{letter}.png", np.full((8, 16, 3), 100, np.uint8))
     page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
     text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
-    assert "60 % or more for 2 of 3 letters; 2 of 3 are read right" in text
+    assert "60 % or more for 2 of 3 letters; 2 of 3 are classified correctly" in text
     assert read_image(tmp_path / "docs/sculpting/alphabet_foam.png").shape == (8, 16, 3)
 
 
@@ -122,6 +122,43 @@ def test_the_page_says_what_pellets_gain_with_its_interval(tmp_path: Path) -> No
     # Two values 0.2 apart: a standard error of 0.1, times t(0.975, 1) = 12.706.
     assert "| a dome | 0.0 % ± 0.0 % | 70 % ± 127 % | 70 % ± 127 % | 0.0 % ± 0.0 % | 50 % ± 0.0 % | 12.0 |" in text
     assert (tmp_path / "docs/sculpting/places_foam.png").is_file()
+
+
+@pytest.mark.parametrize("name", rims.GOALS)
+def test_a_goal_without_added_material_has_the_volume_of_the_clay(name: str) -> None:
+    goal = rims.GOALS[name]
+    relief = rims.relief_m(goal, FLAT.shape)
+    extreme = relief.max() if goal.height_m > 0 else relief.min()
+    assert extreme == pytest.approx(goal.height_m, rel=0.05)
+    rough = FLAT + np.random.default_rng(0).normal(0, 1e-3, FLAT.shape).astype(np.float32)
+    made = rims.goal_m(relief, rough, 0.1)
+    assert float(made.mean(dtype=np.float64)) == pytest.approx(float(rough.mean(dtype=np.float64)), abs=1e-8)
+    np.testing.assert_array_equal(made[:6], rough[:6])  # the border
+    inner = (slice(6, -6), slice(6, -6))
+    np.testing.assert_allclose(np.ptp(made[inner] - relief[inner]), 0.0, atol=1e-8)
+
+
+def test_the_page_says_where_pinches_are_better(tmp_path: Path) -> None:
+    folder = tmp_path / "rims_dough"
+    folder.mkdir()
+    write_png(folder / "rims.png", np.full((8, 16, 3), 100, np.uint8))
+    for goal in rims.GOALS:
+        for seed, offset in ((1, 0.0), (2, 0.001)):
+            left = {"push": 0.5, "pinch": 0.3 if goal == "ridge" else 0.7, "both": 0.4}
+            for arm, share in left.items():
+                said = {
+                    "goal": goal, "arm": arm, "seed": seed, "error_3d_mm2": [1.0, share + offset],
+                    "visual_error": [0.2, 0.2 + offset * (1 if arm == "push" else -1)], "rise_mm": [2.0, 1.0],
+                    "tools": ["ball", "gripper"] if arm == "both" else ["ball"],
+                }  # fmt: skip
+                (folder / f"{goal}_{arm}_{seed}.json").write_text(json.dumps(said))
+    page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
+    text = (tmp_path / "docs/sculpting.md").read_text().replace("\u00a0", " ")
+    others = ", ".join(goal for goal in rims.GOALS if goal != "ridge")
+    assert f"- height: pinches: ridge; pushes: {others}; neither: none" in text
+    assert f"- slope: pinches: none; pushes: none; neither: {', '.join(rims.GOALS)}" in text
+    assert "50 % of its actions are pinches" in text.replace("\n", " ")
+    assert (tmp_path / "docs/sculpting/rims_dough.png").is_file()
 
 
 def test_the_page_states_coverage_gains_and_crossings(tmp_path: Path) -> None:

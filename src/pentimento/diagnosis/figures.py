@@ -56,7 +56,7 @@ class Screening(Generic[RowsT, ModelT]):
     """The extended model with every other observable cause at 0."""
     aliasing: Aliasing
     detectable: dict[str, float]
-    """Smallest share of the error that each cause must remove to be found in four of five such collections."""
+    """Smallest fraction of the error that each cause must remove to be detected with a power of 80 % at this size."""
     base_strength: Array
     """[M, C] sqrt(n) |r| of the base's residual."""
     extended_strength: Array

@@ -40,17 +40,17 @@ _THOUSANDTHS = {"delta_pix", "delta_sem"}
 _SYMBOLS = {"delta_pix": Markup("Δ<sub>pix</sub>"), "delta_sem": Markup("Δ<sub>sem</sub>")}
 _PICTURES = ("begun", "on_paper", "other_medium", "turns", "executed")
 _FURTHER = {
-    "overlapping": "On canvases that a drawing fills: what is asked for lies over it",
-    "composed_seen": "Several things in a relation, on blank paper; pairs and relations that occur in training",
-    "composed_held_out": "The same with pairs and relations that do not",
+    "overlapping": "On canvases that another drawing fills; the requested object is drawn over it",
+    "composed_seen": "Several objects in a relation, on blank paper; pairs and relations occur in training",
+    "composed_held_out": "Several objects in a relation, on blank paper; pairs and relations do not occur in training",
 }
 """Tables that only named things have."""
 _KINDS = {
     "begun": "beside another drawing",
     "overlapping": "over a drawing that fills the canvas",
     "on_paper": "on blank paper",
-    "composed_seen": "several things, combinations that occur in training",
-    "composed_held_out": "several things, combinations that do not",
+    "composed_seen": "several objects, combinations in the training data",
+    "composed_held_out": "several objects, combinations not in the training data",
 }
 _OF_A_TURN = (
     "judge_score_no_change", "judge_score", "goal_keeps", "drawing_keeps", "changed", "covered", "first_found",

@@ -209,7 +209,7 @@ def _deviation_chart(inputs: PaintingInputs) -> bytes:
         Series("with replanning", inputs.executed_strokes, inputs.deviation_with, BLUE),
         Series("without replanning", inputs.executed_strokes, inputs.deviation_without, OCHRE, "--"),
     ]
-    return line_chart(series, "strokes made", "MSE from the first plan", (5.6, 3.7))
+    return line_chart(series, "strokes executed", "MSE from the first plan", (5.6, 3.7))
 
 
 def _planning_chart(inputs: PaintingInputs) -> bytes | None:

@@ -80,12 +80,12 @@ def sculpting_section(inputs: SculptureInputs, album: Album) -> Markup:
 def _model_rows(model: dict[str, Any]) -> list[list[str]]:
     held_out = model["held_out"]
     scores = [
-        ("the model", held_out["model"]),
-        ("the mean footprint of all pushes", held_out["mean_footprint"]),
+        ("learned model", held_out["model"]),
+        ("mean footprint of all pushes", held_out["mean_footprint"]),
         ("no change", held_out["unchanged"]),
     ]
     if "floor" in model:
-        scores.append(("the repeatability floor", model["floor"]))
+        scores.append(("repeatability floor", model["floor"]))
     return [[name, decimal(score["l_3d_mm2"]), decimal(score["l_viz"])] for name, score in scores]
 
 
@@ -131,4 +131,4 @@ def _curve(inputs: SculptureInputs) -> bytes:
             actions = [float(pushes + number) for number in range(len(values))]
             series.append(Series(label if pushes == 0 else "", actions, [value / top for value in values], colour))
         pushes += metrics["actions"]
-    return line_chart(series, "pushes made", "share of the error at its start", (11, 3))
+    return line_chart(series, "pushes executed", "error relative to the start", (11, 3))

@@ -7,7 +7,9 @@ sculpture.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -38,16 +40,17 @@ class Classification:
 class LetterClassifier:
     """Classifies one letter that is sunk into clay."""
 
-    def __init__(self, letters: str, examples: int, seed: int) -> None:
-        """Train on ``examples`` augmented renderings of each letter."""
+    def __init__(self, letters: str, examples: int, seed: int, fonts: Sequence[Path | None] = (None,)) -> None:
+        """Train on ``examples`` augmented renderings of each letter in each font; None is the font of goals."""
         self.letters = letters
-        reliefs = [letter_relief(letter, _RENDERED_PX) for letter in letters]
         pictures, labels = [], []
-        for number in range(len(letters)):
-            for example in range(examples):
-                rng = np.random.default_rng([seed, number, example])
-                pictures.append(_features(_augmented(number, reliefs, rng)))
-                labels.append(number)
+        for index, font in enumerate(fonts):
+            reliefs = [letter_relief(letter, _RENDERED_PX, font) for letter in letters]
+            for number in range(len(letters)):
+                for example in range(index * examples, (index + 1) * examples):
+                    rng = np.random.default_rng([seed, number, example])
+                    pictures.append(_features(_augmented(number, reliefs, rng)))
+                    labels.append(number)
         self._model = LogisticRegression(C=0.1, max_iter=200).fit(np.stack(pictures), labels)
 
     def classify(self, height_m: Array, border: float) -> Classification:

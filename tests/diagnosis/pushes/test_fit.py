@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pentimento.diagnosis.gauss_newton import Statistics
 from pentimento.diagnosis.pushes import fit as fitting
 from pentimento.diagnosis.pushes import jacobian
 from pentimento.diagnosis.pushes.fit import equalised, fit
-from pentimento.diagnosis.pushes.jacobian import Slopes, action_losses, linearise, linearise_rows, residual, slopes_of
+from pentimento.diagnosis.pushes.jacobian import (
+    KeptColumns,
+    Slopes,
+    action_losses,
+    derivatives,
+    linearise,
+    linearise_rows,
+    residual,
+    slopes_of,
+)
 from pentimento.diagnosis.pushes.measured import MeasuredPushes, measure
 from pentimento.diagnosis.pushes.modes import MODES, AllModes, mode_scores
 from pentimento.planning.pushes.analytic.mechanisms.adhesion_lift import AdhesionLift
 from pentimento.planning.pushes.analytic.mechanisms.height_offset import HeightOffset
 from pentimento.planning.pushes.analytic.model import BASE, KNOTS, PROFILE, AnalyticPush, first_model, identity
-from pentimento.planning.pushes.analytic.scene import distance_from_path
+from pentimento.planning.pushes.analytic.scene import PushScene, distance_from_path
 from tests.diagnosis.pushes.conftest import Played
 from tests.dynamics.pushes.played_pushes import DEEP_M, HALF_WIDTH_M, blank, first_model_of, mechanism, played
 
@@ -102,6 +114,46 @@ def test_reused_jacobian_gives_statistics_of_nearby_model(measured: MeasuredPush
     assert np.abs(there.slope - own.slope).max() < 0.3 * np.abs(here.slope - own.slope).max()
     some = np.array([4, 0, 7])
     assert _are_close(slopes.of(some).statistics(near), there.of(some))
+
+
+def test_kept_columns_serve_models_that_differ_in_mechanisms_at_zero(
+    measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offset, lift = (identity(kind, measured.scene) for kind in (HeightOffset, AdhesionLift))
+    acting = type(offset)(np.array([2e-4, 0.0, 1e-4]), offset.reference)
+    start = first_model(measured.scene)
+    near = start.at(start.vector + 0.01)
+    kept, computed = KeptColumns(measured), []
+
+    def counted(model: AnalyticPush, scene: PushScene, columns: Sequence[int] | None = None) -> NDArray[Any]:
+        computed.append(len(model.vector) if columns is None else len(columns))
+        return derivatives(model, scene, columns)
+
+    for model, fresh in (
+        (start.plus(offset, lift), True),
+        (start.plus(lift), False),  # a subset in another order
+        (start.plus(lift, offset), False),
+        (near, True),
+        (start.plus(acting), True),
+        (start.plus(acting, lift), True),  # the lift beside an acting offset
+        (start, False),
+    ):
+        expected = linearise(model, measured)
+        with monkeypatch.context() as patch:
+            patch.setattr(jacobian, "derivatives", counted)
+            computed.clear()
+            assert _are_close(linearise(model, measured, kept), expected)
+            assert bool(computed) == fresh
+
+
+def test_kept_columns_are_bounded_by_memory(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = first_model(measured.scene)
+    monkeypatch.setattr(jacobian, "_MOST_KEPT_BYTES", 1.5 * len(model.vector) * measured.after.nbytes)
+    kept = KeptColumns(measured)
+    for step in (0.0, 0.01, 0.02):
+        there = model.at(model.vector + step)
+        assert _are_close(linearise(there, measured, kept), linearise(there, measured))
+        assert len(kept) == 1
 
 
 def test_statistics_are_independent_of_thread_count(measured: MeasuredPushes, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.diagnosis.gauss_newton import damped_step, predicted_decrease
-from pentimento.diagnosis.pushes.jacobian import action_losses, mean_squared_error, residual, slopes_of
+from pentimento.diagnosis.pushes.jacobian import KeptColumns, action_losses, mean_squared_error, residual, slopes_of
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.planning.pushes.analytic.model import (
     BASE,
@@ -73,13 +73,21 @@ _MAX_RING_RATIO = 30.0
 """Maximum ratio between the weights of two rings."""
 
 
-def fit(model: AnalyticPush, measured: MeasuredPushes, iterations: int = 30) -> AnalyticPush:
+def fit(
+    model: AnalyticPush, measured: MeasuredPushes, iterations: int = 30, kept: KeptColumns | None = None
+) -> AnalyticPush:
     """The model that minimises the weighted mean squared error of predicted heights.
 
     Parameters that the pushes do not determine stay near the simplest base: a ball, equal rims all round, a hard edge.
+
+    Args:
+        model: to start from.
+        measured: the pushes.
+        iterations: at most.
+        kept: of the same pushes; lends and keeps columns at the start.
     """
     start = _start(measured)
-    slopes = slopes_of(model, measured)
+    slopes = slopes_of(model, measured) if kept is None else kept.slopes_of(model)
     statistics = slopes.statistics(model)
     loss = float(statistics.energy.mean())
     prior = _prior(model, loss)

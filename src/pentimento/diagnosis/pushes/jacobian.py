@@ -7,7 +7,8 @@ surface does not need the contact again.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -28,6 +29,8 @@ _STEP = 0.005
 """Finite-difference step, in the units of ``AnalyticPush.vector``."""
 _MAX_ROWS_AT_ONCE = 60
 """Rows of one batch, bounded by memory."""
+_MOST_KEPT_BYTES = 400e6
+"""Memory of the columns of earlier Jacobians (``KeptColumns``)."""
 MM = 1e3
 """Millimetres in a metre: residuals are in millimetres."""
 _STAGE = {"command": 0, "contact": 0, "material": 2, "surface": 3}
@@ -72,11 +75,65 @@ class Slopes:
 
     def statistics(self, model: AnalyticPush) -> Statistics:
         """Statistics with the residuals of this model, as from ``linearise``."""
+        return Statistics(*(by_action(values, self.measured.action) for values in self.rows(model)))
+
+    def rows(self, model: AnalyticPush) -> Statistics:
+        """The same for each row, as from ``linearise_rows``."""
         residuals = _in_batches(lambda some: _weighted_residual(model, self.measured.pick(some)), len(self.measured))
         slope = np.concatenate([_slope(*pair) for pair in zip(self.batches, residuals, strict=True)])
         energy = np.concatenate([np.square(error).sum(1) for error in residuals])
-        rows = _per_pixel(Statistics(self.curvature, slope, energy), self.measured)
-        return Statistics(*(by_action(values, self.measured.action) for values in rows))
+        return _per_pixel(Statistics(self.curvature, slope, energy), self.measured)
+
+
+class KeptColumns:
+    """Columns of the weighted Jacobian at the models that were asked for last.
+
+    A search linearises one model with every candidate at 0, then fits it with some of them, each from the same point.
+    A column depends on the parameter and on the mechanisms that act, not on those at 0, so it is computed once.
+    """
+
+    def __init__(self, measured: MeasuredPushes) -> None:
+        """``measured``: the pushes, whose columns are kept."""
+        self.measured = measured
+        self._points: OrderedDict[Hashable, dict[Hashable, Array]] = OrderedDict()
+
+    def slopes_of(self, model: AnalyticPush) -> Slopes:
+        """Jacobian of the predicted heights in all parameters of the model."""
+        measured, names, point = self.measured, _columns(model), point_of(model)
+        known = self._points.setdefault(point, {})
+        self._points.move_to_end(point)
+        missing = [p for p, name in enumerate(names) if name not in known]
+        if missing:
+            parts = _in_batches(lambda some: _weighted_slopes(model, measured.pick(some), missing), len(measured))
+            known |= {names[p]: np.concatenate([part[:, k] for part in parts]) for k, p in enumerate(missing)}
+        batches = _in_batches(lambda some: np.stack([known[name][some] for name in names], axis=1), len(measured))
+        while len(self._points) > 1 and self._bytes() > _MOST_KEPT_BYTES:
+            self._points.popitem(last=False)
+        return Slopes(measured, tuple(batches), np.concatenate([_curvature(slopes) for slopes in batches]))
+
+    def __len__(self) -> int:
+        """Number of models whose columns are kept."""
+        return len(self._points)
+
+    def _bytes(self) -> int:
+        return sum(column.nbytes for columns in self._points.values() for column in columns.values())
+
+
+def point_of(model: AnalyticPush) -> Hashable:
+    """What the predictions of a model depend on: equal for models that differ only in mechanisms at 0."""
+    acting = ((m.cause, m.values.tobytes(), *sorted(m.reference.items())) for m in model.active_mechanisms)
+    return model.ball_radius_m, model.base.tobytes(), *acting
+
+
+def _columns(model: AnalyticPush) -> list[Hashable]:
+    """A name for each parameter, which tells its place among the mechanisms that act."""
+    names: list[Hashable] = list(BASE)
+    acting = 0
+    for mechanism in model.mechanisms:
+        reference = tuple(sorted(mechanism.reference.items()))
+        names += [(mechanism.cause, reference, quantity.name, acting) for quantity in mechanism.quantities]
+        acting += mechanism.active
+    return names
 
 
 def slopes_of(model: AnalyticPush, measured: MeasuredPushes) -> Slopes:
@@ -90,32 +147,43 @@ def slopes_of(model: AnalyticPush, measured: MeasuredPushes) -> Slopes:
     return Slopes(measured, batches, np.concatenate(curvature))
 
 
-def linearise(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
+def linearise(model: AnalyticPush, measured: MeasuredPushes, kept: KeptColumns | None = None) -> Statistics:
     """Jacobian of the predicted heights in all parameters of the model, summed by action."""
-    return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured)))
+    return Statistics(*(by_action(values, measured.action) for values in linearise_rows(model, measured, kept)))
 
 
-def linearise_rows(model: AnalyticPush, measured: MeasuredPushes) -> Statistics:
-    """The same for each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], divided by its number of measured pixels;
-    mm²."""
+def linearise_rows(model: AnalyticPush, measured: MeasuredPushes, kept: KeptColumns | None = None) -> Statistics:
+    """The same for each row: J^T J [B, P, P], J^T r [B, P], r^T r [B], divided by its number of measured pixels; mm².
+
+    Args:
+        kept: of the same pushes; lends and keeps columns.
+    """
+    if kept is not None:
+        return kept.slopes_of(model).rows(model)
     parts = _in_batches(lambda some: _row_statistics(model, measured.pick(some)), len(measured))
     return Statistics(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def derivatives(model: AnalyticPush, scene: PushScene) -> Array:
-    """Derivatives of the change of height by each parameter of ``model.vector``, metres float32[P, B, H, W]."""
+def derivatives(model: AnalyticPush, scene: PushScene, columns: Sequence[int] | None = None) -> Array:
+    """Derivatives of the change of height by the parameters of ``model.vector``, metres float32[P, B, H, W].
+
+    Args:
+        columns: indices of the parameters; None: all.
+    """
     contact = touch(model, scene)
     kept = keep(model, scene, contact)
     still = settle(model, scene, contact, kept)
     stages = [_stage(name) for name in BASE]
     stages += [_STAGE[m.site] for m in model.mechanisms for _ in m.quantities]
-    found = np.empty((len(stages), *still.shape), dtype=np.float32)
-    for p, stage in enumerate(stages):
+    columns = range(len(stages)) if columns is None else columns
+    found = np.empty((len(columns), *still.shape), dtype=np.float32)
+    for into, p in zip(found, columns, strict=True):
+        stage = stages[p]
         moved = model.at(model.vector + _STEP * (np.arange(len(stages)) == p))
         touched = touch(moved, scene) if stage == 0 else heap(moved, scene, contact) if stage == 1 else contact
         stays = keep(moved, scene, touched) if stage in (0, 2) else kept
-        np.subtract(settle(moved, scene, touched, stays), still, out=found[p])
-        found[p] /= np.float32(_STEP)
+        np.subtract(settle(moved, scene, touched, stays), still, out=into)
+        into /= np.float32(_STEP)
     return found
 
 
@@ -136,9 +204,9 @@ def _row_statistics(model: AnalyticPush, measured: MeasuredPushes) -> Statistics
     return _per_pixel(Statistics(_curvature(slopes), _slope(slopes, rest), np.square(rest).sum(1)), measured)
 
 
-def _weighted_slopes(model: AnalyticPush, measured: MeasuredPushes) -> Array:
-    """Millimetres float32[B, P, H W]."""
-    slopes = derivatives(model, measured.scene)
+def _weighted_slopes(model: AnalyticPush, measured: MeasuredPushes, columns: Sequence[int] | None = None) -> Array:
+    """Millimetres float32[B, P, H W]; ``columns`` as for ``derivatives``."""
+    slopes = derivatives(model, measured.scene, columns)
     slopes *= np.sqrt(measured.weight) * measured.valid * np.float32(MM)
     return slopes.reshape(len(slopes), len(measured), -1).transpose(1, 0, 2)
 

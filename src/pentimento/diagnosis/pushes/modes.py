@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pentimento.diagnosis.pushes.jacobian import linearise_rows
+from pentimento.diagnosis.pushes.jacobian import KeptColumns, linearise_rows
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.residual_structure import ModeScores
 from pentimento.planning.pushes.analytic.mechanisms.mechanism import (
@@ -68,9 +68,9 @@ class AllModes(Mechanism):
 MODES = tuple(quantity.name for quantity in AllModes.quantities)
 
 
-def mode_scores(model: AnalyticPush, measured: MeasuredPushes) -> ModeScores:
-    """Amounts of the modes in the residuals of a model."""
-    curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured)
+def mode_scores(model: AnalyticPush, measured: MeasuredPushes, kept: KeptColumns | None = None) -> ModeScores:
+    """Amounts of the modes in the residuals of a model; ``kept`` as for ``linearise_rows``."""
+    curvature, slope, error = linearise_rows(model.plus(AllModes(np.zeros(len(MODES)), {})), measured, kept)
     energy = np.einsum("bmm->bm", curvature[:, -len(MODES) :, -len(MODES) :])
     return ModeScores(slope[:, -len(MODES) :] / np.maximum(energy, 1e-12), energy, float(error.mean()))
 

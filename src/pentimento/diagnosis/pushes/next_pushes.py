@@ -26,7 +26,7 @@ from pentimento.diagnosis.experiment_design import (
     questions,
 )
 from pentimento.diagnosis.figures import Screening, screening_of
-from pentimento.diagnosis.pushes.jacobian import linearise, linearise_rows, residual
+from pentimento.diagnosis.pushes.jacobian import KeptColumns, linearise, linearise_rows, residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
 from pentimento.diagnosis.pushes.problem import PushResult, observable_causes, with_learned_residual
@@ -219,15 +219,17 @@ def screen(result: PushResult) -> PushScreening:
     there = set(result.extended.causes)
     others, _ = observable_causes(measured, [kind for kind in VOCABULARY if kind.cause not in there])
     full = result.extended.model.plus(*others.values())
+    kept = KeptColumns(measured)
+    statistics = linearise(full, measured, kept)
     base, extended = (
-        (mode_scores(model, measured).amounts, np.where(measured.valid, residual(model, measured), np.nan))
+        (mode_scores(model, measured, kept).amounts, np.where(measured.valid, residual(model, measured), np.nan))
         for model in (result.base.model, result.extended.model)
     )
     return screening_of(
         measured,
         measured.pick(result.splits.test),
         full,
-        linearise(full, measured),
+        statistics,
         columns_of(full),
         modes=MODES,
         scores=(base[0], extended[0]),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self, cast
 
 import numpy as np
@@ -16,7 +17,7 @@ from pentimento.diagnosis.mechanistic import FittedModel
 from pentimento.diagnosis.problem import Cause, Quantity, Rows
 from pentimento.diagnosis.pushes.fit import equalised, fit
 from pentimento.diagnosis.pushes.floor import noise_floor
-from pentimento.diagnosis.pushes.jacobian import action_losses, linearise
+from pentimento.diagnosis.pushes.jacobian import KeptColumns, action_losses, linearise, point_of
 from pentimento.diagnosis.pushes.learned_residual import learn_residual
 from pentimento.diagnosis.pushes.measured import MeasuredPushes
 from pentimento.diagnosis.pushes.modes import MODES, mode_scores, varying_covariates
@@ -47,6 +48,15 @@ class PushProblem:
     unit: str = "mm²"
     modes: tuple[str, ...] = MODES
 
+    @cached_property
+    def _kept(self) -> KeptColumns:
+        return KeptColumns(self.measured)
+
+    @cached_property
+    def _fits(self) -> dict[Hashable, AnalyticPush]:
+        """Fitted models by start and causes."""
+        return {}
+
     @property
     def rows(self) -> Rows:
         """See ``Problem``."""
@@ -71,7 +81,10 @@ class PushProblem:
         # A base that was bent by a large cause takes many iterations to come back.
         starts = {id(each): each for each in (model, replace(model, base=self.base.base))}
         best = min(starts.values(), key=lambda each: float(action_losses(each, self.measured).mean()))
-        return FittedPushes(fit(best, self.measured))
+        key = point_of(best), tuple(m.cause for m in best.mechanisms)
+        if key not in self._fits:
+            self._fits[key] = fit(best, self.measured, kept=self._kept)
+        return FittedPushes(self._fits[key])
 
     def losses(self, model: FittedPushes) -> Array:
         """See ``Problem``."""
@@ -79,7 +92,7 @@ class PushProblem:
 
     def linearise(self, model: FittedPushes, candidates: Sequence[str]) -> Statistics:
         """See ``Problem``."""
-        return linearise(model.model.plus(*(self.mechanisms[name] for name in candidates)), self.measured)
+        return linearise(model.model.plus(*(self.mechanisms[name] for name in candidates)), self.measured, self._kept)
 
     def floor(self, model: FittedPushes) -> Floor | None:
         """See ``Problem``."""
@@ -87,7 +100,7 @@ class PushProblem:
 
     def mode_scores(self, model: FittedPushes) -> ModeScores:
         """See ``Problem``."""
-        return mode_scores(model.model, self.measured)
+        return mode_scores(model.model, self.measured, self._kept)
 
     def learn_residual(self, model: FittedPushes, candidates: Sequence[str]) -> tuple[Self, Callable[[Self], Self]]:
         """See ``Problem``."""

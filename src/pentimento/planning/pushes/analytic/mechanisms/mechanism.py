@@ -11,6 +11,7 @@ identity. With all quantities at zero it changes nothing, and its effect is smoo
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import cv2
@@ -201,19 +202,25 @@ def per_push(values: Array) -> Array:
 
 def spread(maps: Array, sigma_px: float) -> Array:
     """Maps [B, H, W] convolved with a normalised Gaussian, float32; beyond the edges they count as 0."""
-    reach = int(np.ceil(_REACH * sigma_px))
-    kernel = cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)
+    kernel = _kernel(sigma_px)
     maps = maps.astype(np.float32, copy=False)
     if len(kernel) > _WIDE_KERNEL * min(maps.shape[1:]):
-        return _sums(kernel, maps.shape[1]) @ (maps @ _sums(kernel, maps.shape[2]))
+        return _sums(sigma_px, maps.shape[1]) @ (maps @ _sums(sigma_px, maps.shape[2]))
     blurred = np.empty(maps.shape, dtype=np.float32)
     for into, each in zip(blurred, maps, strict=True):
         cv2.sepFilter2D(each, -1, kernel, kernel, dst=into, borderType=cv2.BORDER_CONSTANT)
     return blurred
 
 
-def _sums(kernel: Array, size: int) -> Array:
+def _kernel(sigma_px: float) -> Array:
+    """Normalised Gaussian, float32[K, 1]."""
+    return np.asarray(cv2.getGaussianKernel(2 * int(np.ceil(_REACH * sigma_px)) + 1, sigma_px, cv2.CV_32F))
+
+
+@lru_cache(maxsize=16)
+def _sums(sigma_px: float, size: int) -> Array:
     """Matrix [size, size] of the convolution along a line."""
+    kernel = _kernel(sigma_px)
     reach = len(kernel) // 2
     place = np.arange(size)
     distance = place[:, None] - place
