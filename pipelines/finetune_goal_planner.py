@@ -24,7 +24,7 @@ from pentimento.copainting.goal.completions import Sampling, guidance_grid, scor
 from pentimento.copainting.goal.denoising import GoalTraining
 from pentimento.copainting.goal.latents import encode_parts
 from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
-from pentimento.copainting.goal.training import train_goal_planner
+from pentimento.copainting.goal.training import computed_precision, train_goal_planner
 from pentimento.copainting.goal.vae import DecoderConfig, train_decoder
 from pentimento.copainting.jobs import scratch_folder
 from pentimento.copainting.scenes.edits import Pair, pairs_of
@@ -67,6 +67,7 @@ def main(arguments: argparse.Namespace) -> None:
         tracked_run("finetune_goal_planner", None, asdict(config), inputs) as run,
         output_folder(arguments.out) as out,
     ):
+        run.tag("computed_precision", computed_precision(config.training))
         counts, held_out_tables = _surveyed(folders)
         planner = load_goal_planner(arguments.base)
         held_out = _interleaved(folders, held_out_tables, max(config.sampling.scored, config.sampling.shown))

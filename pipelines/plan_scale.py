@@ -13,7 +13,7 @@ from pentimento.contracts.errors import PentimentoError
 from pipelines._config import entry_of
 from pipelines._io import stage_main
 from pipelines._params import overlaid, resolved
-from pipelines._review.scale import STAGE, Plan, Sizes, read_rates, sizes_of
+from pipelines._review.scale import PUBLISHED_PX, STAGE, FineTuning, Plan, Sizes, fine_tunings, read_rates, sizes_of
 from pipelines._review.scale_page import page, text
 from pipelines._tracking.dvc_files import flatten
 from pipelines._tracking.store import store_errors
@@ -26,9 +26,11 @@ def main(arguments: argparse.Namespace) -> None:
             raise PentimentoError(f"--{name} is {getattr(arguments, name)}; give 1 or more.")
     with store_errors():
         rates = read_rates(Path(), arguments.setting)
-    sizes = rates.sizes if arguments.profile is None else sizes_in(arguments.profile, arguments.setting)
+    profile = arguments.profile
+    sizes = rates.sizes if profile is None else sizes_in(profile, arguments.setting)
+    tunings = None if profile is None else fine_tunings_in(profile, sizes)
     plan = Plan(
-        rates, arguments.paintings, arguments.machines, arguments.cores, arguments.price, sizes, arguments.profile
+        rates, arguments.paintings, arguments.machines, arguments.cores, arguments.price, sizes, profile, tunings
     )
     file = arguments.out / "index.html"
     atomic_write(file, page(plan).encode())
@@ -40,6 +42,15 @@ def sizes_in(profile: str, setting: str) -> Sizes:
     """Return the sizes at which a profile paints a setting."""
     settings = resolved(overlaid(Path(), profile))[STAGE]["settings"]
     return sizes_of(flatten(entry_of(settings, setting, f"{STAGE}.settings")))
+
+
+def fine_tunings_in(profile: str, sizes: Sizes) -> tuple[FineTuning, ...] | None:
+    """Return what fine-tuning takes in a profile that trains a published planner; None for others."""
+    params = resolved(overlaid(Path(), profile))
+    published = params["pretrain_goal_planner"]["from_pretrained"] not in (None, "base")
+    if not published or sizes.picture_pixels != PUBLISHED_PX**2:
+        return None
+    return fine_tunings(Path(), params["finetune_goal_planner"]["training"])
 
 
 if __name__ == "__main__":

@@ -20,6 +20,11 @@ from pipelines._tracking.store import open_store
 from pipelines._tracking.timings import TIMINGS
 
 CLUSTER = Path("data/studies/cluster.json")
+ON_A_GPU = Path("data/studies/on_a_gpu.json")
+ON_A_CPU = Path("data/studies/published_sizes")
+PUBLISHED_PX = 512
+"""Side of a picture in the steps of these two studies that a plan uses."""
+_RECOMPUTED = 4 / 3  # time of a step with gradient checkpointing, of one without
 STAGE = "synthesize_copaintings"
 _MIN_SHARDS = 4  # after the first of each worker, for a spread
 
@@ -226,6 +231,39 @@ class Interval(NamedTuple):
     high: float
 
 
+class FineTuning(NamedTuple):
+    """Time and memory of fine-tuning Instruct-Pix2Pix at its published size, from a measured step; at most."""
+
+    device: str
+    seconds: float
+    memory_bytes: float
+    source: str
+
+
+def fine_tunings(folder: Path, training: Mapping[str, Any]) -> tuple[FineTuning, ...]:
+    """Return the fine-tuning of a profile's section `training` on each device on which a checkout measured its step.
+
+    A GPU's step was measured with a larger batch and with all activations in memory. It counts once for a step of any
+    smaller batch, and a third more if activations are computed again. A CPU's step is that of one pair on one core.
+    """
+    found = []
+    steps, batch, kind = training["steps"], training["batch"], "whole" if training["lora"] is None else "lora"
+    if (file := folder / ON_A_CPU / f"{kind}.json").is_file():
+        one = json.loads(file.read_text(encoding="utf-8"))
+        source = f"a step of one pair, {file.relative_to(folder)}"
+        found.append(FineTuning("one CPU core", steps * batch * one["step_cpu_s"], one["peak_gb"] * 1e9, source))
+    if (file := folder / ON_A_GPU).is_file():
+        study = json.loads(file.read_text(encoding="utf-8"))
+        for row in study["trainings"]:
+            if (row["side_px"], row["precision"]) != (PUBLISHED_PX, training["precision"]) or row["batch"] < batch:
+                continue
+            if (row["lora"] is None) == (training["lora"] is None):
+                seconds = steps * row["step_s"] * (_RECOMPUTED if training["gradient_checkpointing"] else 1.0)
+                source = f"a step of {row['batch']} pairs, {file.relative_to(folder)}"
+                found.append(FineTuning("one GPU", seconds, row["peak_gb"] * 1e9, source))
+    return tuple(found)
+
+
 class Factors(NamedTuple):
     """Ratios of planned to measured sizes. Time scales with their product, bytes with picture pixels alone."""
 
@@ -263,6 +301,8 @@ class Plan:
     """Sizes of the planned paintings."""
     profile: str | None
     """The profile with these sizes; None for the measured sizes."""
+    fine_tunings: tuple[FineTuning, ...] | None = None
+    """Of the profile, on the devices where its step was measured; None where it does not train the published size."""
 
     @property
     def factors(self) -> Factors:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from pentimento.report.templates import render
 from pentimento.report.wording import count, decimal, percent
-from pipelines._review.scale import CLUSTER, STAGE, Interval, Plan, Timing
+from pipelines._review.scale import CLUSTER, ON_A_CPU, ON_A_GPU, STAGE, FineTuning, Interval, Plan, Timing
 
 
 class Table(NamedTuple):
@@ -29,7 +29,8 @@ def headline(plan: Plan) -> str:
 
 def tables(plan: Plan) -> list[Table]:
     """Return the tables of the plan."""
-    return [_measured(plan), _machines(plan), _serial(plan), _space(plan), _laws(plan)]
+    tuning = [] if plan.fine_tunings is None else [_fine_tuning(plan.fine_tunings)]
+    return [_measured(plan), _machines(plan), _serial(plan), *tuning, _space(plan), _laws(plan)]
 
 
 def text(plan: Plan) -> str:
@@ -126,6 +127,25 @@ def _serial(plan: Plan) -> Table:
         (
             "Stages are counted as they ran here, one after the other, at the sizes that params.yaml had: with more "
             "scenes or other models they take other times. make repro runs two at a time.",
+        ),
+    )
+
+
+def _fine_tuning(measured: tuple[FineTuning, ...]) -> Table:
+    rows = [(each.device, duration(each.seconds), gigabytes(each.memory_bytes), each.source) for each in measured]
+    missing = [
+        f"Not measured on {device}: run `python -m studies.{study}`."
+        for device, study, file in (("a CPU", "published_sizes", ON_A_CPU), ("a GPU", "on_a_gpu", ON_A_GPU))
+        if not any(str(file) in each.source for each in measured)
+    ]
+    return Table(
+        "Fine-tuning at the published size, in the profile's steps",
+        ("on", "time, at most", "memory", "from"),
+        rows,
+        (
+            *missing,
+            "Not in the times above, which count this stage as it ran here. The memory is that of the measured batch; "
+            "encoding the pairs and scoring come on top of the time.",
         ),
     )
 

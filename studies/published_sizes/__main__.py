@@ -1,8 +1,9 @@
 """From published folders to the lean runner, at full size: `python -m studies.published_sizes --out DIR`.
 
 The folders have the shapes of Instruct-Pix2Pix and CLIP and random weights. Each part runs in a process of its own, so
-that its peak memory is known; its figures are kept in DIR and not measured again. Writes docs/published_sizes.md, which
-`mkdocs.yml` does not list before it is written. Needs 20 GB of disk and up to 24 GB of memory.
+that its peak memory is known; its figures are kept in DIR and not measured again. A file PART.json in DIR with the key
+`not_measured`, a reason, leaves a part out. Writes docs/published_sizes.md. Needs 20 GB of disk and up to 24 GB of
+memory.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any
 from benchmarks import machine
 from benchmarks.tables import machine_line, markdown
 from pentimento.contracts.atomic import atomic_write
-from studies.published_sizes.parts import PARTS, SAMPLED_STEPS, SIDE_PX
+from studies.published_sizes.parts import PARTS, SAMPLED_STEPS, SIDE_PX, profile_training
 
 ROOT = Path(__file__).resolve().parents[2]
 _PAGE = """\
@@ -32,19 +33,22 @@ Written by `python -m studies.published_sizes`; do not edit.
 Folders in the layout of diffusers and transformers, with random weights in half precision: Instruct-Pix2Pix
 ({weights:.0f} million weights in the UNet, pictures of {side} px), CLIP ViT-B/32 and ViT-L/14. The stages' own code
 loads them, trains (profile `full`, batch 1), samples, exports and runs them. Each part is one process; *peak* is its
-maximum resident memory. Times include imports and loading. {threads} threads.
+maximum resident memory. Times include imports and loading. {threads}. Other programs that share the processor lengthen
+wall times, and CPU times less, through caches and memory.
 
 {table}
 
-A second training step, without loading: {lora:.0f} s with low-rank updates, {whole:.0f} s with all weights. The bundle
-has {bundle:.2f} GB and opens, checked, in {opened:.1f} s. The runner's goal differs from PyTorch's by {difference:.2f}
-of 255 on average, after {steps} steps in half precision. Random weights show memory, time and equality, not pictures.
+{findings}
+
+Random weights show memory, time and equality, not the quality of pictures.
 """
+_COMPUTED = {"32-true": "float32", "bf16-mixed": "bfloat16"}
 _WHAT = {
     "write": "write the folders",
     "load": "load the goal planner",
     "encoder_b32": "ViT-B/32: cosine of a picture and words, with gradient",
     "encoder_l14": "ViT-L/14: the same",
+    "bfloat16": "a convolution in float32 and in bfloat16",
     "lora": "two training steps, low-rank updates (rank 16)",
     "whole": "two training steps, all weights, gradient checkpointing, no average",
     "sample": f"a goal of {SAMPLED_STEPS} steps, PyTorch",
@@ -91,23 +95,57 @@ def measured(part: str, out: Path) -> dict[str, Any]:
 
 def page(figures: dict[str, dict[str, Any]]) -> str:
     """The page."""
-    rows = [
-        [what, f"{figures[part]['wall_s']:.0f}", f"{figures[part]['cpu_s']:.0f}", f"{figures[part]['peak_gb']:.1f}"]
-        for part, what in _WHAT.items()
-    ]
+    rows = [[what, *_shown(figures[part])] for part, what in _WHAT.items()]
+    threads = os.environ.get("OMP_NUM_THREADS", "all")
     return _PAGE.format(
         machine=machine_line(machine.describe()),
         weights=figures["write"]["million_weights"],
         side=SIDE_PX,
-        threads=os.environ.get("OMP_NUM_THREADS", "all"),
+        threads="One thread" if threads == "1" else f"{threads} threads",
         table=markdown(["part", "wall s", "CPU s", "peak GB"], rows),
-        lora=figures["lora"]["second_step_s"],
-        whole=figures["whole"]["second_step_s"],
-        bundle=figures["export"]["bundle_gb"],
-        opened=figures["run"]["opened_s"],
-        difference=figures["run"]["difference_of_255"],
-        steps=SAMPLED_STEPS,
+        findings="\n\n".join(_findings(figures)),
     )
+
+
+def _shown(figures: dict[str, Any]) -> list[str]:
+    if "not_measured" in figures:
+        return ["not measured", "", ""]
+    return [f"{figures['wall_s']:.0f}", f"{figures['cpu_s']:.0f}", f"{figures['peak_gb']:.1f}"]
+
+
+def _findings(figures: dict[str, dict[str, Any]]) -> list[str]:
+    """What the parts say beside time and memory, and what follows for the profile."""
+    training = profile_training()
+    pairs = training["steps"] * training["batch"]
+    found = []
+    for part, what in (("whole", "all weights"), ("lora", "low-rank updates")):
+        if (step_s := figures[part].get("step_cpu_s")) is not None:
+            found.append(
+                f"A training step of one pair with {what} takes {step_s:.0f} CPU seconds in "
+                f"{_COMPUTED[figures[part]['precision']]}. Extrapolated in proportion, the profile's "
+                f"{training['steps']} steps of {training['batch']} pairs take {pairs * step_s / 3600:.0f} CPU hours. "
+                "Larger batches were not measured."
+            )
+    if figures["whole"].get("precision") == "32-true" != training["precision"]:
+        found.append(
+            f"The profile says `{training['precision']}`. This processor has no instructions for bfloat16, so training "
+            "computes in float32 here, and says so. In emulated bfloat16, a convolution of the UNet (320 channels, 8 x "
+            f"8 latents) takes {figures['bfloat16']['ratio']:.0f} times as long as in float32."
+        )
+    if "bundle_gb" in figures["export"]:
+        found.append(f"The bundle has {figures['export']['bundle_gb']:.2f} GB.")
+    if "opened_s" in figures["run"]:
+        found.append(
+            f"It opens, checked, in {figures['run']['opened_s']:.1f} s. The runner's goal differs from PyTorch's by "
+            f"{figures['run']['difference_of_255']:.2f} of 255 on average, after {SAMPLED_STEPS} steps in half "
+            "precision. The profile's 20 steps were not sampled; time grows in proportion to the steps."
+        )
+    missing: dict[str, list[str]] = {}
+    for part, what in _WHAT.items():
+        if (reason := figures[part].get("not_measured")) is not None:
+            missing.setdefault(reason, []).append(what)
+    found += [f"Not measured, because {reason}: {'; '.join(parts)}." for reason, parts in missing.items()]
+    return found
 
 
 if __name__ == "__main__":

@@ -14,7 +14,19 @@ import pytest
 from pentimento.contracts.errors import PentimentoError
 from pipelines import plan_scale
 from pipelines._imports import ROOT
-from pipelines._review.scale import CLUSTER, Plan, Rates, needed_for, read_rates, shard_seconds, sizes_of
+from pipelines._review.scale import (
+    CLUSTER,
+    ON_A_CPU,
+    ON_A_GPU,
+    Plan,
+    Rates,
+    fine_tunings,
+    needed_for,
+    read_rates,
+    shard_seconds,
+    sizes_of,
+)
+from pipelines._review.scale_page import text
 from pipelines._tracking.store import experiment_id, open_store, store_errors
 from pipelines._tracking.timings import TIMINGS, write_timing
 from tests.pipelines.conftest import Enter
@@ -191,6 +203,35 @@ def test_the_sizes_of_a_profile_are_read(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.chdir(ROOT)
     sizes = plan_scale.sizes_in("full", "marker")
     assert (sizes.strokes, sizes.pixels, sizes.picture_pixels) == (200, 512**2, 512**2)
+
+
+TUNING = {"steps": 300, "batch": 4, "lora": None, "precision": "bf16-mixed", "gradient_checkpointing": True}
+ROW = {"side_px": 512, "batch": 16, "precision": "bf16-mixed", "lora": None, "step_s": 0.25, "peak_gb": 40.0}
+
+
+def test_fine_tuning_is_planned_from_the_measured_steps_alone(tmp_path: Path) -> None:
+    assert fine_tunings(tmp_path, TUNING) == ()
+    (tmp_path / ON_A_CPU).mkdir(parents=True)
+    (tmp_path / ON_A_CPU / "whole.json").write_text('{"step_cpu_s": 50.0, "peak_gb": 16.0}')
+    others = [{"side_px": 256}, {"batch": 2}, {"precision": "32-true"}, {"lora": 8}]
+    (tmp_path / ON_A_GPU).write_text(json.dumps({"trainings": [*(ROW | other for other in others), ROW]}))
+    cpu, gpu = fine_tunings(tmp_path, TUNING)
+    assert (cpu.seconds, cpu.memory_bytes) == (300 * 4 * 50.0, 16e9)
+    assert (gpu.seconds, gpu.memory_bytes) == (pytest.approx(300 * 0.25 * 4 / 3), 40e9)
+    (only,) = fine_tunings(tmp_path, TUNING | {"lora": {"rank": 8, "alpha": 8}, "gradient_checkpointing": False})
+    assert only.seconds == pytest.approx(300 * 0.25)  # of low-rank updates the CPU's step is missing
+
+
+def test_a_profile_of_the_published_size_says_what_fine_tuning_takes(
+    rates: Rates, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    sizes = plan_scale.sizes_in("full", "marker")
+    assert plan_scale.fine_tunings_in("full", sizes) is not None
+    assert plan_scale.fine_tunings_in("quick", sizes) is None
+    said = text(plan_of(rates, sizes=sizes, profile="full", fine_tunings=()))
+    assert "run `python -m studies.on_a_gpu`" in said and "run `python -m studies.published_sizes`" in said
+    assert "Fine-tuning" not in text(plan_of(rates))
 
 
 @pytest.mark.parametrize(

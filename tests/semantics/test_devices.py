@@ -7,7 +7,7 @@ import torch
 from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.copainting.goal.planner import SeededSampling, complete
 from pentimento.copainting.goal.vae import as_model_input, encode, round_trip
-from pentimento.semantics.devices import VARIABLE, chosen_device, in_batches
+from pentimento.semantics.devices import VARIABLE, chosen_device, in_batches, precision_on
 from pentimento.semantics.encoder import Encoder
 from pentimento.semantics.scores import embed_all, saliency
 from tests.copainting.goal_planners import CAPTIONS, SIDE_PX, small_encoder, small_planner
@@ -34,6 +34,20 @@ def test_a_device_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(ConfigError, match="finds no such device"):
         chosen_device()
+
+
+def test_a_cpu_without_bfloat16_computes_in_float32_and_says_so_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    for has, computed in ((True, "bf16-mixed"), (False, "32-true")):
+        precision_on.cache_clear()
+        monkeypatch.setattr("torch.cpu._is_avx512_bf16_supported", lambda has=has: has)
+        assert [precision_on("cpu", "bf16-mixed") for _ in range(2)] == [computed] * 2
+        assert precision_on("cuda", "bf16-mixed") == "bf16-mixed"
+        assert precision_on("cpu", "32-true") == "32-true"
+        assert len(caplog.messages) == (not has)
+    assert "no instructions for bfloat16" in caplog.text
+    precision_on.cache_clear()
 
 
 @pytest.mark.parametrize("fits", [1, 2, 3, 7, 100])

@@ -1,4 +1,4 @@
-"""The device on which networks compute outside of training, and batches that fit into its memory.
+"""The device on which networks compute outside of training, its precision, and batches that fit into its memory.
 
 The device belongs to a machine and not to an experiment, so it is no parameter: the environment variable
 `PENTIMENTO_DEVICE` names it, for every process of the machine. Results of devices differ by rounding.
@@ -6,15 +6,19 @@ The device belongs to a machine and not to an experiment, so it is no parameter:
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
-from typing import Final, TypeVar
+from functools import cache
+from typing import Final, Literal, TypeVar
 
 import torch
 
 from pentimento.contracts.errors import ConfigError, PentimentoError
 
 T = TypeVar("T")
+Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
+"""Lightning's names: weights in float32, and products in float32, bfloat16 or float16."""
 
 VARIABLE: Final = "PENTIMENTO_DEVICE"
 _NAMES: Final = ("cpu", "cuda", "mps", "auto")
@@ -44,6 +48,22 @@ def chosen_device() -> torch.device:
     if name == "cuda":
         os.environ.setdefault(*_WORKSPACE)
     return torch.device(name)
+
+
+@cache
+def precision_on(device: str, wanted: Precision) -> Precision:
+    """The precision in which a type of device (`cpu`, `cuda`, …) computes where `wanted` is configured.
+
+    It is `wanted`, except for bf16-mixed on a CPU without instructions for bfloat16: PyTorch would emulate them, and
+    a convolution would take tens of times as long as in float32. Such a CPU computes in float32, which is more exact
+    and needs more memory. The first call says so in the log. Bfloat16 of ARM's CPUs was not measured and is not used.
+    """
+    if device != "cpu" or wanted != "bf16-mixed" or torch.cpu._is_avx512_bf16_supported():
+        return wanted
+    logging.getLogger(__name__).warning(
+        "bf16-mixed is computed in float32, because this processor has no instructions for bfloat16 (avx512_bf16)."
+    )
+    return "32-true"
 
 
 def in_batches(function: Callable[[slice], T], count: int, batch: int) -> list[T]:

@@ -30,6 +30,7 @@ from transformers import CLIPModel, CLIPTokenizer
 
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.dynamics.quiet_lightning import quiet_lightning
+from pentimento.semantics.devices import precision_on
 from pentimento.semantics.encoder import Encoder, EncoderShape, new_model, normalise
 from pentimento.semantics.examples import VIEWS, Examples, is_black
 
@@ -60,7 +61,7 @@ class EncoderTraining:
     view_shares: dict[str, float]
     """Relative frequency of each of `examples.VIEWS`."""
     precision: Literal["32-true", "bf16-mixed"]
-    """The second is faster on CPUs with instructions for bfloat16, and slower on others."""
+    """The second is faster on CPUs with instructions for bfloat16; others compute it in float32."""
     seed: int
 
     def __post_init__(self) -> None:
@@ -87,7 +88,7 @@ def train_encoder(
         module = _Contrast(model, examples, config, log)
         trainer = lightning.Trainer(
             accelerator="cpu", max_epochs=1, logger=False, enable_checkpointing=False,
-            enable_progress_bar=False, enable_model_summary=False, precision=config.precision,
+            enable_progress_bar=False, enable_model_summary=False, precision=precision_on("cpu", config.precision),
         )  # fmt: skip
         trainer.fit(module, DataLoader(_Draws(examples, config), batch_size=None))
     return Encoder(model, tokenizer)

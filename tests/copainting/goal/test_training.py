@@ -10,9 +10,11 @@ import torch
 from diffusers import DDIMScheduler
 
 from pentimento.contracts.errors import ContractError, PentimentoError
+from pentimento.copainting.goal import denoising
 from pentimento.copainting.goal.denoising import Lora, encode_pairs, loss_weight, wanted_output
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.copainting.goal.training import latest_checkpoint, train_goal_planner
+from pentimento.semantics.devices import precision_on
 from tests.copainting.goal_planners import CAPTIONS, TRAINING, small_pairs, small_planner, trained, uninterrupted
 
 
@@ -124,11 +126,16 @@ def test_min_snr_weights_clean_latent_errors_equally_for_all_predictions() -> No
     assert (loss_weight(DDIMScheduler(), times, None) == 1).all()
 
 
-def test_encoded_pairs_share_pictures_and_reject_mixed_sizes() -> None:
+def test_encoded_pairs_share_pictures_and_reject_mixed_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
     planner, pairs = small_planner(), small_pairs(6)
     latents = encode_pairs(planner, pairs)
     assert len(latents.latents) == 1 + len({pair.target.tobytes() for pair in pairs})  # one blank paper for all
     assert latents.tokens.shape == (6, planner.tokenizer.model_max_length)
+    monkeypatch.setattr("torch.cpu._is_avx512_bf16_supported", lambda: False)
+    precision_on.cache_clear()
+    assert torch.equal(encode_pairs(planner, pairs, "bf16-mixed").latents, latents.latents)
+    monkeypatch.setattr(denoising, "precision_on", lambda _, wanted: wanted)
+    precision_on.cache_clear()
     half = encode_pairs(planner, pairs, "bf16-mixed").latents
     assert half.dtype == torch.float32
     assert 0 < float((half - latents.latents).norm() / latents.latents.norm()) < 0.02

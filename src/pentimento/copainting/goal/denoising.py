@@ -22,9 +22,8 @@ from pentimento.copainting.goal.ranks import Log
 from pentimento.copainting.goal.vae import encode
 from pentimento.copainting.jobs import generator_for
 from pentimento.copainting.scenes.edits import Pair
-from pentimento.semantics.devices import chosen_device
+from pentimento.semantics.devices import Precision, chosen_device, precision_on
 
-Precision = Literal["32-true", "bf16-mixed", "16-mixed"]
 _LARGEST_NORM: Final = 1.0  # of a step's gradient
 _LAST_RATE: Final = 0.1  # share of the learning rate at the end of its cosine
 
@@ -77,6 +76,7 @@ class GoalTraining:
     more time.
     """
     precision: Precision
+    """A CPU without instructions for bfloat16 computes bf16-mixed in float32 (`semantics.devices.precision_on`)."""
     accelerator: Literal["cpu", "auto"]
     devices: int
     """GPUs, or processes on a machine without GPUs. The batch is divided equally among them."""
@@ -119,7 +119,8 @@ class LatentPairs:
 def encode_pairs(planner: GoalPlanner, pairs: Sequence[Pair], precision: Precision = "32-true") -> LatentPairs:
     """Encode pairs by a planner's autoencoder and tokenizer.
 
-    With `bf16-mixed` the autoencoder takes half the time on a CPU, and latents differ by less than a hundredth.
+    With `bf16-mixed` the autoencoder takes half the time on a CPU with instructions for bfloat16, and latents differ by
+    less than a hundredth; on other CPUs it computes in float32.
 
     Raises:
         ContractError: no pair, or pictures of a size that the planner does not take.
@@ -142,7 +143,8 @@ def encode_pairs(planner: GoalPlanner, pairs: Sequence[Pair], precision: Precisi
 
     inputs = [index_of(pair.input) for pair in pairs]
     targets = [index_of(pair.target) for pair in pairs]
-    with torch.autocast(chosen_device().type, torch.bfloat16, enabled=precision == "bf16-mixed"):
+    device = chosen_device().type
+    with torch.autocast(device, torch.bfloat16, enabled=precision_on(device, precision) == "bf16-mixed"):
         latents = encode(planner.vae, np.stack(pictures)).float()
     return LatentPairs(
         latents,

@@ -14,9 +14,10 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from pentimento.contracts.errors import ContractError
-from pentimento.copainting.goal.denoising import LatentPairs, Precision, encode_pairs
+from pentimento.copainting.goal.denoising import LatentPairs, encode_pairs
 from pentimento.copainting.goal.planner import GoalPlanner
 from pentimento.copainting.scenes.edits import Pair
+from pentimento.semantics.devices import Precision
 
 _LATENTS: Final = "latents.bin"
 

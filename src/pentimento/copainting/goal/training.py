@@ -23,6 +23,7 @@ from pentimento.copainting.goal.denoising import Denoising, GoalTraining, Latent
 from pentimento.copainting.goal.planner import GoalPlanner, load_goal_planner, save_goal_planner
 from pentimento.copainting.goal.ranks import Log, run_ranks
 from pentimento.dynamics.quiet_lightning import quiet_lightning
+from pentimento.semantics.devices import Precision, precision_on
 
 _LORA_LAYERS: Final = ("to_q", "to_k", "to_v", "to_out.0", "conv1", "conv2", "conv_in", "conv_out")
 _PARTS: Final = ("unet", "text_encoder")  # of a planner: what training may change
@@ -91,7 +92,7 @@ def _train(
             accelerator=config.accelerator,
             devices=config.devices,
             strategy=config.strategy,
-            precision=config.precision,
+            precision=computed_precision(config),
             callbacks=[*callbacks],
             plugins=LightningEnvironment(),  # no other processes than ours, in a cluster's job either
             logger=False,
@@ -123,6 +124,12 @@ def _train(
     for name in _PARTS:
         getattr(planner, name).eval().requires_grad_(False)
     return [float(loss) for loss in module.losses]
+
+
+def computed_precision(config: GoalTraining) -> Precision:
+    """The precision in which training computes on this machine, which may lack instructions for the configured one."""
+    on_gpu = config.accelerator == "auto" and (torch.cuda.is_available() or torch.backends.mps.is_available())
+    return precision_on("gpu" if on_gpu else "cpu", config.precision)
 
 
 def _add_lora(planner: GoalPlanner, lora: Lora) -> None:

@@ -21,7 +21,7 @@ from torch.nn.functional import avg_pool2d
 from pentimento.contracts.ranges import above_zero, at_least
 from pentimento.copainting.jobs import generator_for
 from pentimento.copainting.scenes.ink import ink_recall, pen_drawing, random_pen, random_strokes
-from pentimento.semantics.devices import chosen_device, in_batches
+from pentimento.semantics.devices import chosen_device, in_batches, precision_on
 
 Log = Callable[[str, float, int], None]
 
@@ -105,12 +105,13 @@ def train_vae(
     Each step sees random squares of `crop_px` of its pictures; None shows them whole. `teach_colours` adds the error of
     the opponent colours, and teaches the last two latents the mean opponent colours of their cell: without it, a short
     training on drawings learns their lines and hardly their hues. `half_precision` computes in
-    bfloat16 where PyTorch's autocast does, and keeps weights in float32.
+    bfloat16 where PyTorch's autocast does and the CPU has instructions for it, and keeps weights in float32.
 
     Its `scaling_factor` is set to the inverse standard deviation of the latents, as in latent diffusion.
     """
     torch.manual_seed(seed)
     vae = build_vae(config, pictures.shape[1]).train()
+    half_precision = half_precision and precision_on("cpu", "bf16-mixed") == "bf16-mixed"
     optimizer = torch.optim.AdamW(vae.parameters(), config.learning_rate, betas=(0.9, 0.99), weight_decay=0.0)
     for step in range(config.steps):
         generator = generator_for(seed, step)
