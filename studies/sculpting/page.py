@@ -93,7 +93,7 @@ def letters_section(folders: list[Path], pictures: Path) -> str:
             f"| {material} | {records[0]['tool']} | {seed} | {pushes} | {shares} | {read} of {len(records)} | "
             f"{without} of {len(records)} |"
         )
-        worst += [f"In {material}: {', '.join(wrong)}."] if wrong else []
+        worst += [f"in {material} {', '.join(wrong)}."] if wrong else []
         _write_letters(folder, pictures / f"letters_{material}.jpg")
         images.append(f"In {material}:\n\n![letters]({_PICTURES}/letters_{material}.jpg)\n")
     return f"""
@@ -108,7 +108,7 @@ before the first push.
 |---|---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 
-{" ".join(["Misread letters:", *worst]) if worst else "No letter is misread."}
+{" ".join(["Misread:", *worst]) if worst else "No letter is misread."}
 
 {chr(10).join(images)}"""
 
@@ -377,17 +377,20 @@ def _rims(folder: Path, pictures: Path) -> str:
     pinched = [np.mean([tool == "gripper" for tool in run["tools"]]) for run in runs if run["arm"] == "both"]
     head = "| goal | push (ball) | pinch (gripper) | both | pinch - push |\n|---|---|---|---|---|"
     return f"""
-## What rises by itself: pinches against pushes, in {material}
+## Pinches compared with pushes on raised and sunken goals, in {material}
 
-Goals above the {material} without added material: what rises comes from beside it. Raised lines stand
-{1e3 * rims.RAISED_M:g} mm high and {1e3 * rims.WIDTH_M:g} mm wide between sides {1e3 * rims.BESIDE_M[1]:g} mm deep.
-That is what five pinches side by side left on a slab that is not in the tables (seed 11). Pushes raise {material}, too:
-on that slab two grooves of the ball, 30 mm apart and of two pushes each, left 2.4 mm between them. Sunken goals are
-{-1e3 * rims.SUNKEN_M:g} mm deep. A goal has the volume of the slab. At most {ACTIONS} actions a goal; scans of
-{PIXELS} × {PIXELS} pixels; seeds {", ".join(map(str, seeds))}. In the arm *both*, each batch of actions is of the tool
-whose plan promises the lower error; {percent(float(np.mean(pinched)))} of its actions are pinches. Means over the seeds
-with their 95 % intervals (Student's t), each of its goal alone; the difference is paired by seed. To do nothing removes
-0.
+The goals are above the surface, and no material is added: raised lines take their volume from beside them. The
+lines are {1e3 * rims.RAISED_M:g} mm high and {1e3 * rims.WIDTH_M:g} mm wide between sides
+{1e3 * rims.BESIDE_M[1]:g} mm deep, as five pinches side by side left them on a slab that is not in the tables (seed
+11). Pushes raise {material}, too: on that slab, two grooves of the ball, 30 mm apart and of two pushes each,
+left 2.4 mm between them. Sunken goals are {-1e3 * rims.SUNKEN_M:g} mm deep. Each goal has the volume of the
+slab.
+
+At most {ACTIONS} actions a goal; scans of {PIXELS} × {PIXELS} pixels; seeds {", ".join(map(str, seeds))}. In
+*both*, each batch of actions uses the tool whose plan predicts the lower error;
+{percent(float(np.mean(pinched)))} of its actions are pinches. The tables have means over the seeds with 95 %
+intervals (Student's t), not adjusted for the number of goals; the difference is paired by seed. Doing nothing
+removes 0 %.
 
 Share of the error in height that was removed:
 
@@ -399,7 +402,7 @@ Share of the error in slope that was removed:
 {head}
 {tables["slope"]}
 
-Mean rise of the raised lines (of sunken ones: their fall), as a share of what was wanted:
+Mean rise of the raised lines (of sunken ones: their fall), as a share of the goal's:
 
 {head}
 {tables["rise"]}

@@ -59,36 +59,37 @@ def section(said: dict[str, Any]) -> str:
     return f"""
 ## The planner beside others at equal planning time, in {said["material"]}
 
-{len(goals)} goals, {"slab" if len(seeds) == 1 else "slabs"} of seed {", ".join(map(str, seeds))}, the {TOOL}, at most
-{said["actions"]} pushes a goal, scans of {said["pixels"]} × {said["pixels"]} pixels. All planners work in the same
-studio, and plan again after every fourth push. *Equal time* means equal processor time of all plans of a sculpture, in
-one process with one thread. The project's planner sets this time. Each of the others has as many candidates a push as
-fill it (in each of two rounds); this number was fitted on other goals and on the slab of seed {said["fit_seed"]}. The
-planners took turns, goal by goal, so that other load on the machine slows all alike.
+{len(goals)} goals, {"slab" if len(seeds) == 1 else "slabs"} of seed {", ".join(map(str, seeds))}, the {TOOL},
+at most {said["actions"]} pushes a goal, scans of {said["pixels"]} × {said["pixels"]} pixels, a new plan after
+every fourth push. *Equal time* means equal processor time of all plans of a sculpture, in one thread. The
+project's planner sets this time; the number of candidates of each other planner was chosen to match it on other
+goals and another slab (seed {said["fit_seed"]}). The planners ran in turns, so that other load on the machine
+slows all of them.
+
 {_times(times)}
 
-- *The project's* chooses pushes one by one and then improves the sequence by gradient descent (two iterations).
-- *Greedy* chooses the best of more candidates for each push, and does not improve the sequence afterwards.
-- *The cross-entropy method* samples whole sequences around the greedy one: {_SAMPLES} in each of two iterations. It
-  tries them one by one, where the greedy choice tries its candidates in batches. In so little time it cannot try more.
-- *The particle model* is a graph network in the manner of RoboCraft (Shi et al. 2022), a small version made for this
-  comparison, not RoboCraft itself: each pixel is a particle that receives messages from its neighbours and from
-  particles on the path of the tool. It was trained on the same pushes and with the same loss as the push model, for
-  {said["epochs"]["particles"]} epochs (the push model: {said["epochs"]["network"]}). It takes longer for a push, and
-  so has fewer candidates. These are guided and random pushes as those of *greedy*, the best of which is taken.
-  RoboCraft plans on an error of shape alone, so one planner lowers the error in height only; the other lowers the
-  project's objective.
-- *To do nothing* removes 0 % of each error.
+- *The project's* planner chooses pushes greedily, then improves the sequence by two iterations of gradient
+  descent.
+- *Greedy* tries more candidates for each push and does not improve the sequence.
+- *Cross-entropy* starts from the greedy sequence and samples {_SAMPLES} sequences in each of two iterations. It
+  rolls out one sequence at a time, so that it has few samples.
+- *Particles* plan greedily with a small graph network in the manner of RoboCraft (Shi et al. 2022), made for
+  this comparison: each pixel is a particle that receives messages from its neighbours and from particles on the
+  path of the tool. It was trained on the same pushes and with the same loss as the push model, for
+  {said["epochs"]["particles"]} epochs (the push model: {said["epochs"]["network"]}). One planner with it lowers
+  the height error alone, as RoboCraft does; the other lowers the project's objective.
+- *Doing nothing* is the baseline, with 0 % in each column.
 
-Each figure is the share of the error that was removed, mean of the goals; the objective weighs height and slope.
+*Height*, *slope* and *objective* are the removed share of that error, mean over the goals. The objective weighs
+height and slope.
 
 | planner | candidates | time a sculpture | of the project's | a plan | pushes | height | slope | objective |
 |---|---|---|---|---|---|---|---|---|
 {chr(10).join(lines)}
 
-A gain is what the other planner leaves less what the project's leaves, as shares of the error before. It is the mean of
-the differences by goal with its 95 % interval (Student's t, n = {len(goals)} goals). Above 0 the project's planner is
-better. *Better on* counts the goals on which it is.
+*Gain* is the remaining share of the error of the other planner minus that of the project's, mean over the goals
+with its 95 % interval (Student's t, n = {len(goals)}). A positive gain favours the project's planner. *Better
+on* counts the goals where it is better.
 
 | planner | gain in height | better on | gain in objective | better on |
 |---|---|---|---|---|
