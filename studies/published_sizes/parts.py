@@ -109,7 +109,7 @@ def export(out: Path) -> Facts:
         config, half_tolerance=0.02, vocabulary=None, clays={}, settings={"marker": config.settings["marker"]},
         sampling=GoalSampling(SAMPLED_STEPS, IMAGE_GUIDANCE, TEXT_GUIDANCE),
     )  # fmt: skip
-    marker = base_model(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.0, 1e-3, 0.15, 0.9))
+    marker = base_model(Traj2StrokeParameters((1.0, 1.0), (0.0, 0.0), 0.2, 1e-3, 0.15, 0.9))
     models = Models(
         {"marker": marker}, Encoder.load(out / "b32"), out / "b32", _planner(out), out / "planner", {},
         {"stroke_marker": "0", "semantics": "0", "goal": "0"},

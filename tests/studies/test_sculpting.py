@@ -92,13 +92,14 @@ def test_the_page_states_what_a_relief_removed(tmp_path: Path) -> None:
     said = {
         "goal": "knot", "seed": 1, "side_px": 512, "grid": [128, 128], "actions": [[0.1, 0.1, 0, 0.02, 0.004]] * 3,
         "error_3d_mm2": [4.0, 1.0], "visual_error": [0.2, 0.1], "visual_error_on_grid": [0.2, 0.05], "values": [2, 1],
+        "noise_of_a_scan": {"error_3d_mm2": 0.01, "visual_error": 0.05},
         "plans": {"wall_s": 61.4, "cpu_s": 29.6, "plans": 38},
     }  # fmt: skip
     (tmp_path / "reliefs_knot.json").write_text(json.dumps(said))
     write_png(tmp_path / "reliefs_knot.png", np.full((512, 1536, 3), 100, np.uint8))
     page.main(argparse.Namespace(results=tmp_path, out=tmp_path / "docs"))
     text = " ".join((tmp_path / "docs/sculpting.md").read_text().split())
-    assert "| knot | 1 | 3 | 4.00 | 1.00 | 75 % | 50 % | 75 % | 61 s | 30 s |" in text
+    assert "| knot | 1 | 3 | 4.00 | 1.00 | 75 % | 50 % | 25 % | 67 % | 75 % | 30 s |" in text  # (.2 - .1) / (.2 - .05)
     assert read_image(tmp_path / "docs/sculpting/reliefs.png").shape == (320, 960, 3)
 
 
