@@ -19,9 +19,8 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, grid_sample, pad, silu
 
 from pentimento.dynamics.pushes.measured import PushSamples
+from pentimento.dynamics.pushes.push_model import AutogradClay
 from pentimento.dynamics.pushes.training import loss
-from pentimento.planning.pushes.memory import FRESH, PushMemory
-from pentimento.planning.pushes.rollout import Pull
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -40,8 +39,6 @@ _OUT_M = 0.005
 """Unit of the change that it predicts."""
 _AROUND = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 """Columns and rows (downwards) to the eight neighbours."""
-_BATCH = 8
-"""Pushes in one forward pass."""
 
 
 @dataclass(frozen=True)
@@ -210,46 +207,14 @@ def fit_particles(samples: PushSamples, config: ParticleTraining) -> ParticleNet
     return network.eval().requires_grad_(False)
 
 
-class ParticleClay:
-    """The particle model over one window: ``planning.pushes.rollout.PushModel``, with gradients by autograd."""
+class ParticleClay(AutogradClay):
+    """The particle model over one window."""
 
-    def __init__(self, network: ParticleNetwork, window_m: FloatArray, tool: str) -> None:
-        self._network, self._window_m, self._tool = network, np.asarray(window_m, dtype=np.float64), tool
+    def __init__(self, network: ParticleNetwork, *, window_m: FloatArray, tool: str) -> None:
+        super().__init__(window_m=window_m, tool=tool)
+        self._network = network
 
-    @property
-    def window_m(self) -> FloatArray:
-        """[4], canvas frame: the area of the height maps."""
-        return self._window_m
-
-    @property
-    def end_effector(self) -> str:
-        """The end-effector whose pushes it was trained on."""
-        return self._tool
-
-    def after(self, height_m: Array, actions: FloatArray, memory: PushMemory = FRESH) -> Array:
-        """See ``planning.pushes.rollout.PushModel``."""
-        height = torch.from_numpy(np.ascontiguousarray(height_m, dtype=np.float32))
-        result = np.empty((len(actions), *height_m.shape), dtype=np.float32)
-        with torch.no_grad():
-            for first in range(0, len(actions), _BATCH):
-                some = torch.from_numpy(np.asarray(actions[first : first + _BATCH], dtype=np.float32))
-                result[first : first + _BATCH] = self._heights(height.expand(len(some), -1, -1), some).numpy()
-        return result
-
-    def step(self, height_m: Array, action: FloatArray, memory: PushMemory = FRESH) -> tuple[Array, Pull]:
-        """See ``planning.pushes.rollout.PushModel``."""
-        height = torch.from_numpy(np.array(height_m, dtype=np.float32)).requires_grad_(True)
-        pushed = torch.from_numpy(np.array(action, dtype=np.float32)).requires_grad_(True)
-        with torch.enable_grad():
-            result = self._heights(height[None], pushed[None])[0]
-
-        def pull(cotangent: Array) -> tuple[Array, FloatArray]:
-            back = torch.from_numpy(np.ascontiguousarray(cotangent, dtype=np.float32))
-            to_height, to_action = torch.autograd.grad(result, (height, pushed), back)
-            return to_height.numpy(), to_action.numpy().astype(np.float64)
-
-        return result.detach().numpy(), pull
-
-    def _heights(self, height: Tensor, action: Tensor) -> Tensor:
-        window = torch.tensor(self._window_m, dtype=torch.float32).expand(len(action), 4)
+    def heights(self, height: Tensor, action: Tensor) -> Tensor:
+        """See ``AutogradClay``."""
+        window = torch.tensor(self.window_m, dtype=torch.float32).expand(len(action), 4)
         return moved(self._network, height, window, action)

@@ -86,7 +86,7 @@ def main(arguments: argparse.Namespace) -> None:
     network = _particles(bench)
     models: dict[str, PushModel] = {
         "network": planned_members(bench.models["one"], WINDOW_M)[0],
-        "particles": ParticleClay(network, WINDOW_M, TOOL),
+        "particles": ParticleClay(network, window_m=WINDOW_M, tool=TOOL),
     }
     predicted = once(folder, "predictions", partial(_predictions, bench, network))
     candidates = once(folder, "candidates", partial(_fitted_candidates, bench, models))

@@ -88,7 +88,11 @@ def test_the_gradient_is_that_of_finite_differences() -> None:
 
 
 def test_a_step_is_one_of_the_alternatives() -> None:
-    clay, height, push = ParticleClay(network(), WINDOW_M[0].numpy(), "ball"), slab()[0].numpy(), PUSH.double().numpy()
+    clay, height, push = (
+        ParticleClay(network(), window_m=WINDOW_M[0].numpy(), tool="ball"),
+        slab()[0].numpy(),
+        PUSH.double().numpy(),
+    )
     np.testing.assert_allclose(clay.step(height, push[0])[0], clay.after(height, push)[0], atol=1e-7)
 
 

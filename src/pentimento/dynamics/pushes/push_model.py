@@ -4,6 +4,7 @@ it."""
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -105,15 +106,15 @@ def read_push_model(folder: Path) -> PushModel:
     return model.eval().requires_grad_(False)
 
 
-class TorchClay:
-    """Networks of one context over one window; their predictions are averaged. Implements
-    ``planning.pushes.rollout.PushModel``, with gradients by autograd. They know no memory."""
+class AutogradClay(ABC):
+    """A push model over one window in PyTorch: ``planning.pushes.rollout.PushModel``, with gradients by autograd."""
 
-    def __init__(
-        self, networks: tuple[Param2Deform, ...], crop: Crop, *, context: int, window_m: FloatArray, tool: str
-    ):
-        self._networks, self._crop, self._context = networks, crop, context
+    def __init__(self, *, window_m: FloatArray, tool: str) -> None:
         self._window_m, self._tool = np.asarray(window_m, dtype=np.float64), tool
+
+    @abstractmethod
+    def heights(self, height: Tensor, action: Tensor) -> Tensor:
+        """Heights [B, H, W] after actions [B, 5] on heights [B, H, W]."""
 
     @property
     def window_m(self) -> FloatArray:
@@ -122,7 +123,7 @@ class TorchClay:
 
     @property
     def end_effector(self) -> str:
-        """End-effector of the context."""
+        """The end-effector whose pushes it was trained on."""
         return self._tool
 
     def after(self, height_m: Array, actions: FloatArray, memory: PushMemory = FRESH) -> Array:
@@ -148,6 +149,16 @@ class TorchClay:
             return to_height.numpy(), to_action.numpy().astype(np.float64)
 
         return result.detach().numpy(), pull
+
+
+class TorchClay(AutogradClay):
+    """Networks of one context; their predictions are averaged. They know no memory."""
+
+    def __init__(
+        self, networks: tuple[Param2Deform, ...], crop: Crop, *, context: int, window_m: FloatArray, tool: str
+    ):
+        super().__init__(window_m=window_m, tool=tool)
+        self._networks, self._crop, self._context = networks, crop, context
 
     def heights(self, height: Tensor, action: Tensor) -> Tensor:
         """Heights [B, H, W] after actions [B, 5] on heights [B, H, W]; this function is exported for the robot."""
