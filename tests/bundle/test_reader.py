@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,6 +33,8 @@ from tests.control.painting_bundle import small_vocabulary, write_painting_bundl
 from tests.control.sculpting_bundle import SETTINGS
 
 SEMANTIC = "graphs/semantic.onnx"
+SHARED = "graphs/semantic.weights"
+ONES, TWOS = np.ones(2, np.float32).tobytes(), np.full(2, 2, np.float32).tobytes()
 
 
 @pytest.fixture
@@ -203,13 +206,30 @@ def put_outside(
     model = graph()
     tensor = model.graph.initializer[0]
     (bundle / "graphs" / "semantic.weights").write_bytes(tensor.raw_data + more)
+    move_out(tensor, location, offset)
+    put(bundle, model)
+    graphs = json.loads((bundle / MANIFEST).read_text())["graphs"]
+    change(bundle, graphs=graphs | {"semantic": graphs["semantic"] | {"weights": weights}})
+
+
+def move_out(tensor: onnx.TensorProto, location: str, offset: int) -> None:
+    """Say that a tensor of 8 bytes lies in another file."""
     tensor.ClearField("raw_data")
     tensor.data_location = onnx.TensorProto.EXTERNAL
     for key, value in (("location", location), ("offset", offset), ("length", 8)):
         tensor.external_data.add(key=key, value=str(value))
-    put(bundle, model)
+
+
+def put_shared(bundle: Path, content: bytes = ONES, *, offset: int = 0, weights: str | None = SHARED) -> None:
+    """Give `semantic` and `text` their tensors in one file; that of `text` lies at the offset."""
+    put_outside(bundle)
+    (bundle / SHARED).write_bytes(content)
+    model = graph()
+    move_out(model.graph.initializer[0], "semantic.weights", offset)
+    (bundle / "graphs" / "text.onnx").write_bytes(model.SerializeToString())
     graphs = json.loads((bundle / MANIFEST).read_text())["graphs"]
-    change(bundle, graphs=graphs | {"semantic": graphs["semantic"] | {"weights": weights}})
+    change(bundle, graphs=graphs | {"text": graphs["text"] | {"weights": weights}})
+    relist(bundle)
 
 
 def test_a_graph_with_its_tensors_in_a_listed_file_runs_from_the_checked_bytes(bundle: Path) -> None:
@@ -253,7 +273,62 @@ def test_open_bundle_rejects_external_tensors_in_any_other_place(
 def test_open_bundle_rejects_a_file_of_tensors_that_no_tensor_lies_in(bundle: Path) -> None:
     put_outside(bundle)
     put(bundle, graph())
-    with pytest.raises(BundleError, match=r"up to byte 0 of 'graphs/semantic\.weights', which has 8"):
+    with pytest.raises(BundleError, match=r"semantic keeps no tensors in 'graphs/semantic\.weights', and its manifest"):
+        open_bundle(bundle)
+
+
+@pytest.mark.parametrize(
+    ("content", "offset", "one"), [(ONES, 0, 1.0), (ONES + TWOS, 8, 2.0), (ONES + bytes(56) + TWOS, 64, 2.0)]
+)
+def test_graphs_that_share_a_file_of_tensors_run_from_its_checked_bytes(
+    bundle: Path, content: bytes, offset: int, one: float
+) -> None:
+    put_shared(bundle, content, offset=offset)
+    opened = open_bundle(bundle)
+    assert opened.weights("semantic")["semantic.weights"] is opened.weights("text")["semantic.weights"]  # read once
+    (bundle / SHARED).unlink()
+    graphs, given = Graphs(opened), np.array([[3, 4]], np.float32)
+    np.testing.assert_array_equal(graphs("semantic", given)[0], given + 1)
+    np.testing.assert_array_equal(graphs("text", given)[0], given + one)
+
+
+@pytest.mark.parametrize("change_it", [lambda data: data[:-1], lambda data: data[:-1] + bytes([data[-1] ^ 1])])
+def test_open_bundle_rejects_a_tampered_shared_file(bundle: Path, change_it: Callable[[bytes], bytes]) -> None:
+    put_shared(bundle)
+    (bundle / SHARED).write_bytes(change_it(ONES))
+    with pytest.raises(BundleError, match=r"semantic\.weights' is not the file that its manifest lists"):
+        open_bundle(bundle)
+
+
+@pytest.mark.parametrize(
+    ("shared", "sentence"),
+    [
+        ({"content": ONES + bytes(4), "offset": 4}, "have tensors in 'graphs/semantic.weights' that overlap."),
+        ({"content": ONES + TWOS}, "up to byte 8 of 'graphs/semantic.weights', which has 16."),
+        ({"offset": 8}, "up to byte 16 of 'graphs/semantic.weights', which has 8."),
+        ({"content": ONES + bytes(64) + TWOS, "offset": 72}, "has bytes from 8 to 72 that are no tensor's."),
+        ({"content": ONES + b"hidden, 8" + bytes(47) + TWOS, "offset": 64}, "from 8 to 64 that are no tensor's."),
+        ({"weights": None}, "text keeps tensors in 'semantic.weights', and its manifest says that it keeps none."),
+        ({"weights": "graphs/no.weights"}, "text has its tensors in 'graphs/no.weights', which its manifest does not"),
+        ({"weights": "tools/marker.toml"}, "text keeps tensors in 'semantic.weights', and its manifest says in 'tools"),
+    ],
+)
+def test_open_bundle_rejects_a_shared_file_that_the_tensors_of_its_graphs_do_not_cover(
+    bundle: Path, shared: dict[str, Any], sentence: str
+) -> None:
+    put_shared(bundle, **shared)
+    with pytest.raises(BundleError, match=re.escape(sentence)) as error:
+        open_bundle(bundle)
+    assert str(error.value).count(". ") == 0  # one sentence
+
+
+def test_open_bundle_rejects_two_tensors_of_a_graph_at_one_place(bundle: Path) -> None:
+    put_outside(bundle)
+    model = onnx.load_from_string((bundle / SEMANTIC).read_bytes())
+    model.graph.initializer.append(model.graph.initializer[0])
+    model.graph.initializer[1].name = "other"
+    put(bundle, model)
+    with pytest.raises(BundleError, match=r"two tensors at the same place in 'graphs/semantic\.weights'"):
         open_bundle(bundle)
 
 

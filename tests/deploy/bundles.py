@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -10,9 +11,20 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from pentimento.bundle.reader import MANIFEST
+from pentimento.contracts.codec import to_plain
 from pentimento.contracts.covariates import PICKUP_COLUMNS
 from pentimento.copainting.goal.planner import GoalSampling, save_goal_planner
-from pentimento.deploy.bundle import ClayConfig, DeployConfig, Models, SettingConfig, write_bundle
+from pentimento.deploy.bundle import (
+    ClayConfig,
+    DeployConfig,
+    Models,
+    SettingConfig,
+    graph_entry,
+    graph_files,
+    write_bundle,
+)
+from pentimento.deploy.graphs import Graph
 from pentimento.dynamics.pushes.param2deform import Param2Deform
 from pentimento.dynamics.pushes.pose import Crop
 from pentimento.dynamics.pushes.push_model import PushFacts, PushModel
@@ -28,7 +40,7 @@ from pentimento.planning.pushes.analytic.model import BASE, START, AnalyticPush
 from pentimento.planning.strokes.brush import Span, StrokeTiming
 from pentimento.semantics.encoder import Encoder, new_model
 from tests.bundle.small_hands import HAND_POINTS, small_hand
-from tests.bundle.tiny_bundle import CANVAS_M, HAND_PLANNER, PLANNER
+from tests.bundle.tiny_bundle import CANVAS_M, HAND_PLANNER, PLANNER, change, relist
 from tests.control.sculpting_bundle import SETTINGS
 from tests.copainting.goal_planners import ENCODER, small_encoder, small_planner
 from tests.dynamics.strokes.test_correction import some_correction
@@ -76,6 +88,17 @@ def small_bundle() -> tuple[Path, Models]:
     (folder / "bundle").mkdir()
     write_bundle(folder / "bundle", models, CONFIG)
     return folder / "bundle", models
+
+
+def put_graphs(bundle: Path, graphs: dict[str, Graph]) -> None:
+    """Replace graphs of a bundle, with their tensors, and list them and their models."""
+    for name, data in graph_files(graphs).items():
+        (bundle / name).write_bytes(data)
+    manifest = json.loads((bundle / MANIFEST).read_text())
+    entries = {name: to_plain(graph_entry(name, graph)) for name, graph in graphs.items()}
+    models = {model: "2" for graph in graphs.values() for model in graph.models}
+    change(bundle, graphs=manifest["graphs"] | entries, models=manifest["models"] | models)
+    relist(bundle)
 
 
 def small_models(folder: Path) -> Models:

@@ -7,7 +7,6 @@ import onnx
 import pytest
 
 from pentimento.bundle.graphs import Graphs, goal_networks, noise_schedule
-from pentimento.bundle.manifest import GraphEntry
 from pentimento.bundle.onnx_header import read_header
 from pentimento.bundle.reader import Bundle, open_bundle
 from pentimento.bundle.sampler import complete, normal, seed_for
@@ -18,8 +17,9 @@ from pentimento.copainting.goal.planner import complete as complete_in_workshop
 from pentimento.deploy import graphs as graph_module
 from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
 from pentimento.deploy.graphs import Graph, ParityError
-from tests.bundle.tiny_bundle import change, relist, write_tiny_bundle
+from tests.bundle.tiny_bundle import change, write_tiny_bundle
 from tests.copainting.goal_planners import CAPTIONS, SIDE_PX, small_planner
+from tests.deploy.bundles import put_graphs
 
 TOLERANCE, HALF = 1e-4, 0.02
 SEED, STEPS, GUIDANCE = 4, 3, (1.2, 2.0)
@@ -32,9 +32,9 @@ def planner() -> GoalPlanner:
 
 @pytest.fixture(scope="module")
 def outside(planner: GoalPlanner) -> dict[str, Graph]:
-    """Graphs in half precision that are too large for one file, here from 10 kB on."""
+    """Graphs in half precision whose tensors lie beside them, here from 10 kB on."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(graph_module, "MAX_INLINE_BYTES", 10_000)
+        patch.setattr(graph_module, "INLINE_BYTES", 10_000)
         return goal_graphs(planner, TOLERANCE, HALF)
 
 
@@ -42,18 +42,9 @@ def put(bundle: Path, planner: GoalPlanner, graphs: dict[str, Graph]) -> Bundle:
     """A bundle with these graphs in place of its trivial ones, opened as the runner opens it."""
     write_tiny_bundle(bundle)
     opened = open_bundle(bundle).manifest
-    entries = dict(opened.graphs)
-    for name, graph in graphs.items():
-        (bundle / f"graphs/{name}.onnx").write_bytes(graph.content)
-        weights = None if graph.weights is None else f"graphs/{name}.weights"
-        if graph.weights is not None:
-            (bundle / f"graphs/{name}.weights").write_bytes(graph.weights)
-        entries[name] = GraphEntry(
-            f"graphs/{name}.onnx", weights, graph.inputs, graph.outputs, graph.parity, graph.tolerance, ("goal",)
-        )
+    put_graphs(bundle, graphs)
     facts = goal_facts(planner, opened.goal.words, GoalSampling(STEPS, *GUIDANCE), nouns=None)
-    change(bundle, graphs=to_plain(entries), goal=to_plain(facts), models={"stroke_marker": "1", "goal": "2"})
-    relist(bundle)
+    change(bundle, goal=to_plain(facts))
     return open_bundle(bundle)
 
 
@@ -87,7 +78,7 @@ def test_small_tensors_stay_in_the_graph_and_large_ones_are_aligned(outside: dic
         places = read_header(graph.content).external
         assert graph.weights is not None and places
         assert all(place.offset % 64 == 0 and place.length >= 1024 for place in places)
-        assert max(place.offset + place.length for place in places) == len(graph.weights)
+        assert max(place.offset + place.length for place in places) == len(graph.weights.content)
 
 
 def test_half_precision_halves_all_but_an_autoencoder_that_overflows_in_it(

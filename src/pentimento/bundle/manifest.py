@@ -14,6 +14,8 @@ from pentimento.robots.refill import Depletion
 
 MAX_CELLS: Final = 256
 """Maximum number of cells in a pairing of the style objective; as in ``semantics.style``."""
+ALIGNED_BYTES: Final = 64
+"""Tensors outside their graphs begin at multiples of this in their file, with zeros between them."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class GraphEntry:
 
     file: str
     weights: str | None
-    """Name of the file beside it that holds its large tensors, for a graph that one file cannot hold."""
+    """Name of the file beside it that holds its large tensors, maybe with those of other graphs; None where ``file``
+    holds all."""
     inputs: tuple[Port, ...]
     """In order."""
     outputs: tuple[Port, ...]

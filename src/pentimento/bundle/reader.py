@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, NoReturn
 
-from pentimento.bundle.manifest import FileEntry, GraphEntry, Manifest, Setting
+from pentimento.bundle.manifest import ALIGNED_BYTES, FileEntry, GraphEntry, Manifest, Setting
 from pentimento.bundle.onnx_header import Header, read_header
 from pentimento.bundle.vocabulary import Vocabulary, read_vocabulary
 from pentimento.contracts.codec import from_plain
@@ -36,7 +36,7 @@ IR_VERSIONS: Final = (8, 10)
 MAX_FILE_BYTES: Final = 2**31 - 1
 """Maximum size of a protocol buffer."""
 MAX_WEIGHTS_BYTES: Final = 2**34
-"""Maximum size of a file of a graph's tensors, which is no protocol buffer."""
+"""Maximum size of a file of graphs' tensors, which is no protocol buffer."""
 MAX_TENSOR_BYTES: Final = 2**29
 MAX_MANIFEST_BYTES: Final = 2**22
 
@@ -136,8 +136,11 @@ def open_bundle(folder: Path, digest: str | None = None, local: Mapping[str, Saf
         name: _checked_file(folder, name, entry, MAX_WEIGHTS_BYTES if name in weights else MAX_FILE_BYTES)
         for name, entry in sorted(manifest.files.items())
     }
-    for name, graph in sorted(manifest.graphs.items()):
-        _check_graph(folder, name, graph, manifest, contents)
+    headers = {
+        name: _checked_header(folder, name, graph, manifest, contents)
+        for name, graph in sorted(manifest.graphs.items())
+    }
+    _check_weights(folder, headers, manifest, contents)
     tools = {name: _checked_tool(folder, name, setting, manifest) for name, setting in manifest.settings.items()}
     for name, setting in manifest.settings.items():
         wider = setting.envelope.wider_than((local or {}).get(name, setting.envelope))
@@ -221,7 +224,9 @@ def _read(folder: Path, name: str, limit: int) -> bytes:
         return file.read(limit + 1)
 
 
-def _check_graph(folder: Path, name: str, graph: GraphEntry, manifest: Manifest, contents: Mapping[str, bytes]) -> None:
+def _checked_header(
+    folder: Path, name: str, graph: GraphEntry, manifest: Manifest, contents: Mapping[str, bytes]
+) -> Header:
     if graph.file not in contents:
         _refuse(folder, f"the manifest names the file {graph.file!r} for the graph {name} and does not list it")
     try:
@@ -231,6 +236,7 @@ def _check_graph(folder: Path, name: str, graph: GraphEntry, manifest: Manifest,
     defect = _external_defect(header, graph, manifest) or _defect(header, graph, manifest)
     if defect:
         _refuse(folder, f"the graph {name} {defect}")
+    return header
 
 
 def _defect(header: Header, graph: GraphEntry, manifest: Manifest) -> str | None:
@@ -253,7 +259,7 @@ def _defect(header: Header, graph: GraphEntry, manifest: Manifest) -> str | None
 
 
 def _external_defect(header: Header, graph: GraphEntry, manifest: Manifest) -> str | None:
-    """Why tensors in other files do not lie in the listed one, which holds nothing else."""
+    """Why tensors in other files do not each lie in the listed one."""
     if graph.weights is None:
         if header.external:
             return f"keeps tensors in {header.external[0].location!r}, and its manifest says that it keeps none"
@@ -263,15 +269,33 @@ def _external_defect(header: Header, graph: GraphEntry, manifest: Manifest) -> s
     for tensor in header.external:
         if tensor.location != _beside(graph):
             return f"keeps tensors in {tensor.location!r}, and its manifest says in {graph.weights!r}"
-    at = 0
-    for tensor in sorted(header.external, key=lambda tensor: tensor.offset):
-        if tensor.offset < at:
-            return f"has tensors in {graph.weights!r} that overlap"
-        at = tensor.offset + tensor.length
-    size = manifest.files[graph.weights].bytes
-    if not header.external or at != size:
-        return f"has tensors up to byte {at} of {graph.weights!r}, which has {size}"
+    if not header.external:
+        return f"keeps no tensors in {graph.weights!r}, and its manifest says that it does"
+    if len({(tensor.offset, tensor.length) for tensor in header.external}) != len(header.external):
+        return f"has two tensors at the same place in {graph.weights!r}"
     return None
+
+
+def _check_weights(
+    folder: Path, headers: Mapping[str, Header], manifest: Manifest, contents: Mapping[str, bytes]
+) -> None:
+    """Refuse files of tensors that hold anything else, or tensors that overlap without being the same one."""
+    places: dict[str, set[tuple[int, int]]] = {}
+    for name, graph in manifest.graphs.items():
+        if graph.weights is not None:
+            of_graph = {(tensor.offset, tensor.length) for tensor in headers[name].external}
+            places[graph.weights] = places.get(graph.weights, set()) | of_graph
+    for file, ranges in sorted(places.items()):
+        data, at = contents[file], 0
+        end = max(offset + length for offset, length in ranges)
+        if end != len(data):
+            _refuse(folder, f"its graphs have tensors up to byte {end} of {file!r}, which has {len(data)}")
+        for offset, length in sorted(ranges):
+            if offset < at:
+                _refuse(folder, f"its graphs have tensors in {file!r} that overlap")
+            if offset - at >= ALIGNED_BYTES or data[at:offset].strip(b"\0"):
+                _refuse(folder, f"{file!r} has bytes from {at} to {offset} that are no tensor's")
+            at = offset + length
 
 
 def _beside(graph: GraphEntry) -> str | None:

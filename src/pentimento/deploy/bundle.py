@@ -39,6 +39,7 @@ from pentimento.deploy.goal_graphs import goal_facts, goal_graphs
 from pentimento.deploy.graphs import IR_VERSION, OPSET, Graph, ParityError
 from pentimento.deploy.objective_graphs import encoder_graphs, style_graphs
 from pentimento.deploy.push_graphs import clay_facts, clay_graphs, deployed_difference
+from pentimento.deploy.shared_weights import share_weights
 from pentimento.deploy.stroke_graphs import brush_graphs
 from pentimento.deploy.words import Things, taught_vocabulary
 from pentimento.dynamics.pushes.push_model import PushModel, TorchClay, planned_members
@@ -170,12 +171,12 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
     graphs |= style_parts | clay_parts
     graphs |= encoder_graphs(models.encoder, config.views, config.tolerance)
     graphs |= goal_graphs(models.goal, config.tolerance, config.half_tolerance)
+    graphs = share_weights(graphs)
     encoder_words = WordsFacts(
         "words/encoder/vocab.json", "words/encoder/merges.txt", _length(models.encoder.tokenizer)
     )
     goal_words = WordsFacts("words/goal/vocab.json", "words/goal/merges.txt", _length(models.goal.tokenizer))
-    contents = {f"graphs/{name}.onnx": graph.content for name, graph in graphs.items()}
-    contents |= {f"graphs/{name}.weights": graph.weights for name, graph in graphs.items() if graph.weights is not None}
+    contents = graph_files(graphs)
     for words, source in (
         (encoder_words, models.encoder_folder),
         (goal_words, models.goal_folder / "tokenizer"),
@@ -192,7 +193,7 @@ def write_bundle(folder: Path, models: Models, config: DeployConfig) -> Manifest
         contents[f"feeders/{feeder}.toml"] = _robot_file("feeders", str(feeder))
     for clay in clays.values():
         contents[f"end_effectors/{clay.end_effector}.toml"] = _robot_file("end_effectors", clay.end_effector)
-    entries = {name: _entry(name, graph) for name, graph in graphs.items()}
+    entries = {name: graph_entry(name, graph) for name, graph in graphs.items()}
     encoder = EncoderFacts(
         models.encoder.image_px, models.encoder.model.config.projection_dim, config.views, encoder_words
     )
@@ -367,8 +368,16 @@ def _setting(config: SettingConfig, hand_points: int | None) -> Setting:
     )
 
 
-def _entry(name: str, graph: Graph) -> GraphEntry:
-    weights = None if graph.weights is None else f"graphs/{name}.weights"
+def graph_files(graphs: Mapping[str, Graph]) -> dict[str, bytes]:
+    """The graphs and their tensors, by the names of their files in the bundle."""
+    files = {f"graphs/{name}.onnx": graph.content for name, graph in graphs.items()}
+    outside = [graph.weights for graph in graphs.values() if graph.weights is not None]
+    return files | {f"graphs/{weights.file}": weights.content for weights in outside}
+
+
+def graph_entry(name: str, graph: Graph) -> GraphEntry:
+    """The manifest's entry of a graph."""
+    weights = None if graph.weights is None else f"graphs/{graph.weights.file}"
     return GraphEntry(
         f"graphs/{name}.onnx", weights, graph.inputs, graph.outputs, graph.parity, graph.tolerance, graph.models
     )
@@ -387,7 +396,7 @@ def _metrics(graphs: Mapping[str, Graph]) -> dict[str, Any]:
     return {
         "parity": {name: max(graph.parity.values()) for name, graph in graphs.items()},
         "largest_difference": max(max(graph.parity.values()) for graph in graphs.values()),
-        "graphs_bytes": sum(len(graph.content) + len(graph.weights or b"") for graph in graphs.values()),
+        "graphs_bytes": sum(map(len, graph_files(graphs).values())),
     }
 
 
@@ -417,7 +426,8 @@ def bundle_card(
     lines += [
         "",
         "The difference of a graph is the norm of the difference from PyTorch over the norm of PyTorch's result, the",
-        "maximum over its outputs and several examples.",
+        "maximum over its outputs and several examples. The size of a graph includes its file of tensors, which it may",
+        "share with others.",
         "",
         "| graph | from | kB | difference |",
         "|---|---|---|---|",

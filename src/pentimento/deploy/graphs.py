@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.fx.experimental.proxy_tensor import make_fx
 
-from pentimento.bundle.manifest import Port
+from pentimento.bundle.manifest import ALIGNED_BYTES, Port
 from pentimento.contracts.errors import PentimentoError
 from pentimento.deploy.decompositions import Resizing, exportable
 
@@ -29,10 +29,12 @@ OPSET: Final = 20
 """Version of ONNX's operators, supported by onnxruntime from 1.17 on."""
 IR_VERSION: Final = 10
 """Version of ONNX's format."""
-MAX_INLINE_BYTES: Final = 2**31 - 2**24
-"""Maximum size of tensors within a graph: a protocol buffer ends at 2^31 - 1 bytes."""
+INLINE_BYTES: Final = 2**25
+"""Tensors of more bytes lie beside their graph, where others can share them. A smaller graph stays one file: its copies
+cost less than the runtime itself.
+"""
+_CHECKED_BYTES: Final = 2**31 - 2**24  # of tensors within a graph: a protocol buffer ends at 2^31 - 1 bytes
 _SMALL_BYTES: Final = 1024  # of a tensor that stays in the graph, since the shapes that it may hold are needed there
-_ALIGNED_BYTES: Final = 64
 _NUDGE: Final = 1e-5  # relative change of inputs; less is averaged out before it acts as rounding does
 _NUDGES: Final = 8  # random changes of an example, because whether rounding crosses a kink is random
 Function = Callable[..., tuple[Tensor, ...]]
@@ -118,15 +120,14 @@ def _bare(model: onnx.ModelProto) -> onnx.ModelProto:
     renamed: dict[str, str] = {}
     kept = []
     for array in graph.initializer:
-        content = (array.data_type, tuple(array.dims), array.raw_data)
-        renamed[array.name] = first.setdefault(content, array.name)
+        renamed[array.name] = first.setdefault(tensor_key(array, array.raw_data), array.name)
         if renamed[array.name] == array.name:
             kept.append(array)
     for node in graph.node:
         node.input[:] = [renamed.get(name, name) for name in node.input]
     del graph.initializer[:]
     graph.initializer.extend(kept)
-    if sum(len(array.raw_data) for array in graph.initializer) <= MAX_INLINE_BYTES:  # a larger one, onnxruntime checks
+    if sum(len(array.raw_data) for array in graph.initializer) <= _CHECKED_BYTES:  # a larger one, onnxruntime checks
         onnx.checker.check_model(model)
     return model
 
@@ -150,12 +151,21 @@ class ParityError(PentimentoError):
 
 
 @dataclass(frozen=True, eq=False)
+class Weights:
+    """A file of tensors beside the graphs that refer to it."""
+
+    file: str
+    """Its name."""
+    content: bytes
+
+
+@dataclass(frozen=True, eq=False)
 class Graph:
     """An exported graph."""
 
     content: bytes
-    weights: bytes | None
-    """Tensors that the content keeps in the file `<name>.weights` beside it; None where one file holds all."""
+    weights: Weights | None
+    """Where its large tensors lie; None where the content holds all."""
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     parity: dict[str, float]
@@ -193,7 +203,7 @@ def compared(
     inputs, outputs = (_ports(values, units) for values in (model.graph.input, model.graph.output))
     weights = _separated(model, f"{name}.weights")
     content = model.SerializeToString(deterministic=True)
-    runtime = session(content, {} if weights is None else {f"{name}.weights": weights})
+    runtime = session(content, {} if weights is None else {weights.file: weights.content})
     parity = {port.name: 0.0 for port in outputs}
     undetermined = 0
     for arguments in examples:
@@ -219,25 +229,37 @@ def compared(
     return Graph(content, weights, inputs, outputs, rounded, tolerance, models)
 
 
-def _separated(model: onnx.ModelProto, file: str) -> bytes | None:
-    """Move the large tensors of a graph that is too large for one file out of it; their bytes, or None for no need."""
+def _separated(model: onnx.ModelProto, file: str) -> Weights | None:
+    """Move the large tensors of a large graph into a file beside it; None for a small graph."""
     arrays = model.graph.initializer
-    if sum(len(array.raw_data) for array in arrays) <= MAX_INLINE_BYTES:
+    if sum(len(array.raw_data) for array in arrays) <= INLINE_BYTES:
         return None
-    kept: list[bytes] = []
+    return packed(((array, array.raw_data) for array in arrays if len(array.raw_data) >= _SMALL_BYTES), file)
+
+
+def packed(tensors: Iterable[tuple[onnx.TensorProto, bytes | memoryview]], file: str) -> Weights:
+    """Move tensors, given with their bytes, out of their graphs into one file, those that `tensor_key` equates once."""
+    kept: list[bytes | memoryview] = []
+    offsets: dict[tuple[Any, ...], int] = {}
     at = 0
-    for array in arrays:
-        length = len(array.raw_data)
-        if length < _SMALL_BYTES:
-            continue
-        gap = -at % _ALIGNED_BYTES
-        kept += [bytes(gap), array.raw_data]
-        for key, value in (("location", file), ("offset", at + gap), ("length", length)):
-            array.external_data.add(key=key, value=str(value))
+    for array, data in tensors:
+        key = tensor_key(array, data)
+        if key not in offsets:
+            gap = -at % ALIGNED_BYTES
+            offsets[key] = at + gap
+            kept += [bytes(gap), data]
+            at = offsets[key] + len(data)
+        del array.external_data[:]
+        for name, value in (("location", file), ("offset", offsets[key]), ("length", len(data))):
+            array.external_data.add(key=name, value=str(value))
         array.data_location = onnx.TensorProto.EXTERNAL
         array.ClearField("raw_data")
-        at += gap + length
-    return b"".join(kept)
+    return Weights(file, b"".join(kept))
+
+
+def tensor_key(array: onnx.TensorProto, data: bytes | memoryview) -> tuple[Any, ...]:
+    """Equal for tensors of the same type, shape and bytes; a graph holds no two such tensors."""
+    return array.data_type, tuple(array.dims), data
 
 
 def relative_difference(result: NDArray[Any], expected: NDArray[Any]) -> float:
