@@ -19,7 +19,7 @@ from pentimento.planning.strokes.latent import StyleDecoder, read_decoder
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main
-from pipelines._tracking import input_digest, tracked_run
+from pipelines._tracking import input_digests, tracked_run
 
 
 def main(arguments: argparse.Namespace) -> None:
@@ -42,7 +42,7 @@ def main(arguments: argparse.Namespace) -> None:
             goal=load_goal_planner(arguments.goal),
             goal_folder=arguments.goal,
             pushes={material: read_push_model(pushes[f"push_{material}"]) for material in arguments.materials},
-            digests={name: input_digest(path) for name, path in inputs.items()},
+            digests=input_digests(inputs),
             corrections={
                 material: read_correction(pushes[f"push_{material}"] / FILE)
                 for material in arguments.materials

@@ -15,7 +15,7 @@ from pentimento.contracts.errors import PentimentoError
 from pentimento.copainting.drawings.sources import LICENCES, vocabulary
 from pipelines._io import output_folder, stage_main, write_json
 from pipelines._params import read_params
-from pipelines._tracking.dvc_files import input_digest
+from pipelines._tracking.dvc_files import input_digests
 
 _MAX_BYTES = 60_000_000  # together: what a repository can carry
 _LICENCE = "CC-BY-SA-4.0"  # of the drawings, and so of what learned from them
@@ -42,7 +42,7 @@ def main(arguments: argparse.Namespace) -> None:
                 "licence": _LICENCE,
                 "sources": LICENCES,
                 "params": read_params(arguments.params),
-                "models": {name: input_digest(folder) for name, folder in parts.items()},
+                "models": input_digests(parts),
                 "metrics": metrics,
                 "sha256": {
                     file.relative_to(out).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest() for file in files

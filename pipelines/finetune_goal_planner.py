@@ -30,7 +30,7 @@ from pentimento.copainting.jobs import scratch_folder
 from pentimento.copainting.scenes.edits import Pair, pairs_of
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
-from pipelines._tracking import Run, input_digest, tracked_run
+from pipelines._tracking import Run, input_digests, tracked_run
 
 _ROWS = 256
 """Rows of a table in memory at a time: at 512 px, 0.4 GB of pictures."""
@@ -59,7 +59,7 @@ def main(arguments: argparse.Namespace) -> None:
     torch.set_num_threads(config.threads)
     folders = {setting: arguments.copaintings / setting for setting in arguments.settings}
     inputs = {**folders, "base": arguments.base}
-    digests = {name: input_digest(path) for name, path in inputs.items()}
+    digests = input_digests(inputs)
     # Interrupted training can continue on other devices.
     anywhere = replace(config, training=replace(config.training, devices=1, strategy="auto"))
     scratch = scratch_folder(SCRATCH, "finetune_goal_planner", asdict(anywhere), digests)

@@ -34,7 +34,7 @@ from pentimento.copainting.scenes.edits import Pair, scene_edits, scenes_of
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section, shipped
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
-from pipelines._tracking import Run, input_digest, tracked_run
+from pipelines._tracking import Run, input_digests, tracked_run
 
 SCRATCH = Path(".pentimento/training")
 _BLANK_SHARE = 0.3  # of the windows with named things: the canvas is blank
@@ -70,7 +70,7 @@ def main(arguments: argparse.Namespace) -> None:
     single_threaded()
     torch.set_num_threads(config.threads)
     inputs = {"scenes": arguments.scenes, "semantics": arguments.semantics}
-    digests = {name: input_digest(path) for name, path in inputs.items()}
+    digests = input_digests(inputs)
     # Interrupted training can continue on other devices.
     anywhere = replace(config, training=replace(config.training, devices=1, strategy="auto"))
     scratch = scratch_folder(SCRATCH, "pretrain_goal_planner", asdict(anywhere), digests)

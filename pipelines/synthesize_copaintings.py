@@ -32,7 +32,7 @@ from pentimento.robots.tools import load_tool
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import entry_of, load_section, require_model
 from pipelines._io import end_with_parent, output_folder, single_threaded, stage_main, write_json
-from pipelines._tracking import input_digest, tracked_run
+from pipelines._tracking import input_digests, tracked_run
 
 SCRATCH = Path(".pentimento/synthesis")
 _SHOWN = 12
@@ -90,7 +90,7 @@ def main(arguments: argparse.Namespace) -> None:
         "scenes_per_shard": config.scenes_per_shard,
         "partials": asdict(config.partials), "setting": asdict(setting),
     }  # fmt: skip
-    digests = {name: input_digest(path) for name, path in inputs.items()}
+    digests = input_digests(inputs)
     scratch = scratch_folder(SCRATCH, f"synthesize_copaintings@{arguments.setting}", what, digests)
     params = what | {"workers": config.workers, "scheduler": config.scheduler, "threshold": asdict(config.threshold)}
     with (

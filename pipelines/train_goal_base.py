@@ -33,7 +33,7 @@ from pentimento.copainting.scenes.edits import Pair
 from pentimento.semantics.encoder import Encoder
 from pipelines._config import load_section
 from pipelines._io import output_folder, single_threaded, stage_main, write_json
-from pipelines._tracking import Run, input_digest, tracked_run
+from pipelines._tracking import Run, input_digests, tracked_run
 from pipelines.pretrain_goal_planner import SCRATCH
 
 _HELD_OUT_SEED = 1_000_003  # of the pairs that are scored: not the seed of any phase
@@ -85,7 +85,7 @@ def main(arguments: argparse.Namespace) -> None:
     single_threaded()
     torch.set_num_threads(config.threads)
     inputs = {"semantics": arguments.semantics}
-    digests = {name: input_digest(path) for name, path in inputs.items()}
+    digests = input_digests(inputs)
     scratch = scratch_folder(SCRATCH, "train_goal_base", asdict(config), digests)
     with tracked_run("train_goal_base", None, asdict(config), inputs) as run, output_folder(arguments.out) as out:
         planner = _begun(Encoder.load(arguments.semantics), config, scratch, run)

@@ -71,12 +71,14 @@ def _stages(file: Path) -> dict[str, Any]:
     return stages
 
 
-def input_digest(path: Path) -> str:
-    """Return DVC's MD5 of `path`, or an MD5 of its files where DVC does not track it."""
-    for stage in locked_stages(Path()).values():
-        for out in stage.get("outs", []):
-            if Path(out["path"]) == path:
-                return str(out["md5"])
+def input_digests(inputs: Mapping[str, Path]) -> dict[str, str]:
+    """Return DVC's MD5 of each path, or an MD5 of its files where DVC does not track it."""
+    outs = (out for stage in locked_stages(Path()).values() for out in stage.get("outs", []))
+    tracked = {Path(out["path"]): str(out["md5"]) for out in outs}
+    return {name: tracked.get(path) or _digest_of_files(path) for name, path in inputs.items()}
+
+
+def _digest_of_files(path: Path) -> str:
     if path.is_file():
         return md5(path.read_bytes())
     if not path.is_dir():

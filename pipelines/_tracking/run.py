@@ -27,7 +27,7 @@ from filelock import FileLock
 from pentimento.contracts.atomic import atomic_write
 from pipelines._io import failure_sentence
 from pipelines._params import files_named_by, read_yaml
-from pipelines._tracking.dvc_files import flatten, input_digest, matrix_items, md5, params_digest, value_digest
+from pipelines._tracking.dvc_files import flatten, input_digests, matrix_items, md5, params_digest, value_digest
 from pipelines._tracking.families import HEADLINES, experiment_of, family_of, note
 from pipelines._tracking.origins import origin_tags
 from pipelines._tracking.outbox import Outbox, Point, send_unsent
@@ -199,7 +199,7 @@ def tracked_run(stage: str, item: str | None, params: Mapping[str, Any], inputs:
     """
     name = stage if item is None else f"{stage}@{item}"
     _warn_of_unnoticed_files(stage)
-    digests = {label: input_digest(path) for label, path in inputs.items()}
+    digests = input_digests(inputs)
     started = time.perf_counter()
     with store_errors():
         with _begin_lock():

@@ -60,10 +60,10 @@ def digest_of(error: float) -> str:
 
 def _lock(epochs: int, error: float) -> None:
     """As DVC would write it."""
-    from pipelines._tracking import input_digest
+    from pipelines._tracking import input_digests
 
     Path("dvc.lock").unlink(missing_ok=True)
-    strokes = input_digest(Path("data/strokes"))
+    strokes = input_digests({"it": Path("data/strokes")})["it"]
     Path("dvc.lock").write_text(
         f"""stages:
   train_stroke_dynamics@marker:

@@ -9,7 +9,7 @@ from pipelines._review.agreement import link
 from pipelines._review.champions import register
 from pipelines._review.history import History
 from pipelines._review.models import MODEL
-from pipelines._tracking import input_digest, tracked_run
+from pipelines._tracking import input_digests, tracked_run
 from pipelines._tracking.store import VARIABLE
 
 MODEL_PATH = "models/stroke_marker/weights"
@@ -25,7 +25,7 @@ def client(stage_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     Path("data").mkdir()
     Path("data/strokes").write_text("strokes")
     Path(MODEL_PATH).mkdir(parents=True)
-    strokes, weights = input_digest(Path("data/strokes")), "c" * 32 + ".dir"
+    strokes, weights = input_digests({"it": Path("data/strokes")})["it"], "c" * 32 + ".dir"
     monkeypatch.setenv(VARIABLE, "first")
     with tracked_run("diagnose_gap", "marker", {"seed": 1}, {"strokes": Path("data/strokes")}) as run:
         run.log_metrics({"held_out": {"extended": {"mse": 0.25}, "base": {"mse": 0.5}}})

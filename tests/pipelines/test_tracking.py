@@ -11,7 +11,7 @@ import pytest
 
 from pentimento.contracts.errors import PentimentoError
 from pentimento.contracts.images import write_png
-from pipelines._tracking import input_digest, tracked_run
+from pipelines._tracking import input_digests, tracked_run
 from pipelines._tracking.dvc_files import value_digest
 from pipelines._tracking.families import experiment_of
 from pipelines._tracking.store import profile_name, store_errors
@@ -90,7 +90,7 @@ def test_a_run_keeps_parameters_curves_pictures_inputs_tags_and_time(client: Any
     assert [point.step for point in client.get_metric_history(run.id, "loss")] == list(range(250))
     assert {"stage": "paint", "item": "colour", "profile": "default"}.items() <= kept.data.tags.items()
     (used,) = kept.inputs.dataset_inputs
-    assert (used.dataset.name, used.dataset.digest) == ("strokes", input_digest(Path("strokes")))
+    assert (used.dataset.name, used.dataset.digest) == ("strokes", input_digests({"it": Path("strokes")})["it"])
     assert {"source:strokes": "Of the atelier.", "licence:strokes": "cc-by-4.0"}.items() <= kept.data.tags.items()
     kept_files = {entry.path for entry in client.list_artifacts(run.id, "pictures")}
     assert kept_files == {"pictures/error.png", "pictures/brush (round)"}
@@ -252,10 +252,10 @@ def test_an_input_has_the_digest_that_dvc_knows(tmp_path: Path, monkeypatch: pyt
     Path("data/a").mkdir(parents=True)
     Path("data/a/part").write_text("x")
     Path("data/b").write_text("x")
-    assert input_digest(Path("data/a")) == "0123.dir"
-    assert input_digest(Path("data/b")) == input_digest(Path("data/a/part"))
+    assert input_digests({"it": Path("data/a")})["it"] == "0123.dir"
+    assert input_digests({"it": Path("data/b")})["it"] == input_digests({"it": Path("data/a/part")})["it"]
     with pytest.raises(FileNotFoundError):
-        input_digest(Path("data/absent"))
+        input_digests({"it": Path("data/absent")})["it"]
 
 
 def test_lightning_writes_into_the_run(client: Any) -> None:
