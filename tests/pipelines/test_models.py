@@ -1,5 +1,6 @@
 """Models that DVC keeps are logged models: no bytes, DVC's hash, figures on named data, and links to run and bundle."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,8 @@ def client(stage_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         run.log_metrics({"largest_difference": 1e-6})
         run.tag("manifest", "hash")
     link(Path.cwd(), "first", "FINISHED")
-    return MlflowClient()
+    store = os.environ["MLFLOW_TRACKING_URI"]
+    return MlflowClient(store, store)  # not the store that another test's logger has made MLflow's default
 
 
 def test_a_model_leads_to_its_files_figures_data_run_and_bundle(client: Any) -> None:
