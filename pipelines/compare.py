@@ -22,6 +22,7 @@ from pipelines._review.group_page import group_page
 from pipelines._review.groups import Group, compare_groups, groups, table
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._review.page import changes, page, text
+from pipelines._side_by_side import items_of
 from pipelines._tracking.dvc_files import locked_stages
 from pipelines._tracking.store import store_errors
 from pipelines._tracking.timings import COMPARISONS
@@ -30,7 +31,7 @@ from pipelines._tracking.timings import COMPARISONS
 def main(arguments: argparse.Namespace) -> None:
     """Print the comparison and write its page; or check that MLflow and DVC agree."""
     if arguments.check:
-        _check(arguments.profile)
+        _check(arguments.profile, arguments.stage)
         return
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")  # a line for each picture
     with store_errors():
@@ -126,26 +127,31 @@ def last_two(known: Sequence[StageRun | Execution]) -> tuple[StageRun | Executio
     return (same_profile or earlier)[0], newest
 
 
-def _check(profile: str) -> None:
+def _check(profile: str, stage: str | None) -> None:
     folder = Path.cwd() if profile == "default" else Path(".profiles") / profile
     if not locked_stages(folder):
         sentence = f"{folder} has no dvc.lock with stages: `make repro` has not run there."
         raise PentimentoError(" ".join([sentence, *_newest_profile(other_than=profile)]))
-    agreeing, differences = check(folder, profile)
-    files = altered(folder)
+    if stage is not None:
+        items_of(stage, folder)  # an error where there is no such stage
+    agreeing, differences = check(folder, profile, stage)
+    files = [each for name, each in altered(folder).items() if stage in (None, name, name.partition("@")[0])]
     for sentence in [*differences, *files]:
         print(sentence)
     found = []
     if differences:
         found.append(
-            f"MLflow and dvc.lock disagree on {len(differences)} of {agreeing + len(differences)} stage items."
+            f"MLflow and dvc.lock disagree on {len(differences)} of {len(agreeing) + len(differences)} stage items."
         )
         found += _newest_profile(other_than=profile)
     if files:
         found.append(f"Files of {len(files)} of the stage items are not those of dvc.lock; `make repro` restores them.")
     if found:
         raise PentimentoError(" ".join(found))
-    print(f"MLflow and dvc.lock agree on all {agreeing} stage items.")
+    if stage is not None:
+        for name, run_id in agreeing.items():
+            print(f"{name}: written by the run {run_id}, and not changed since.")
+    print(f"MLflow and dvc.lock agree on all {len(agreeing)} stage items.")
 
 
 def _newest_profile(*, other_than: str) -> list[str]:
@@ -168,9 +174,9 @@ if __name__ == "__main__":
     parser.add_argument(
         "--last", type=int, metavar="2", help="the last two executions, or runs of --stage, of one profile"
     )
-    parser.add_argument("--stage", help="a stage, or stage@item")
+    parser.add_argument("--stage", help="a stage, or stage@item; with --check, the only one that is checked")
     parser.add_argument("--seeds", action="store_true", help="the last two groups of seeds, of --stage if it is given")
-    parser.add_argument("--check", action="store_true", help="compare dvc.lock with MLflow instead")
+    parser.add_argument("--check", action="store_true", help="compare dvc.lock with MLflow, and files with both")
     parser.add_argument("--profile", default="default", help="of --check: whose dvc.lock")
     parser.add_argument("--out", type=Path, default=COMPARISONS, help="folder for the page")
     stage_main(main, parser)

@@ -51,7 +51,7 @@ def read_lock(folder: Path) -> list[Locked]:
     found = []
     for name, entry in locked.items():
         stage, _, item = name.partition("@")
-        if stage in stages and (not item or item in items[stage]):
+        if stage in stages and (item in items[stage] if items[stage] else not item):
             params = value_digest(entry.get("params", {}).get("params.yaml", {}))
             found.append(Locked(stage, item, _digests(entry, "deps"), params, _digests(entry, "outs")))
     return found
@@ -81,32 +81,35 @@ def producer_of(locked: Locked, runs: Sequence[StageRun]) -> StageRun | None:
     return next((run for run in runs if _finished(locked, run) and not differences(locked, run)), None)
 
 
-def check(folder: Path, profile: str) -> tuple[int, list[str]]:
-    """Compare each item of dvc.lock in `folder` with MLflow's runs under `profile`.
+def check(folder: Path, profile: str, stage: str | None = None) -> tuple[dict[str, str], list[str]]:
+    """Compare each item of dvc.lock in `folder`, or those of `stage`, with MLflow's runs under `profile`.
 
     Returns:
-        The number of items that agree, and a sentence for each other item.
+        The id of its run for each item that agrees, and a sentence for each other item.
     """
     with store_errors():
         runs = [run for run in History().runs if run.tags.get("profile") == profile]
-    agreeing, sentences = 0, []
+    agreeing, sentences = dict[str, str](), []
     for locked in read_lock(folder):
+        if stage not in (None, locked.stage, locked.name):
+            continue
         latest = next((run for run in runs if _finished(locked, run)), None)
         if latest is None:
             sentences.append(
-                f"{locked.name}: MLflow has no finished run of it; `dvc repro --force --single-item` makes one."
+                f"{locked.name}: MLflow has no finished run of it; `dvc repro --force --single-item {locked.name}` "
+                "makes one."
             )
-        elif producer_of(locked, runs) is None:
+        elif (producer := producer_of(locked, runs)) is None:
             sentences.append(
                 f"{locked.name}: its last run {latest.id[:8]} {'; it '.join(differences(locked, latest))}."
             )
         else:
-            agreeing += 1
+            agreeing[locked.name] = producer.id
     return agreeing, sentences
 
 
-def altered(folder: Path) -> list[str]:
-    """Return a sentence for each stage item of dvc.lock whose outputs in `folder` are not those that dvc.lock has.
+def altered(folder: Path) -> dict[str, str]:
+    """Return a sentence for each stage item whose outputs in `folder` are not those of dvc.lock, by its name.
 
     DVC compares them, by the MD5 of each file whose time or size has changed.
     """
@@ -117,10 +120,12 @@ def altered(folder: Path) -> list[str]:
         if paths and stage in locked:
             found[stage] = paths
     if not found:
-        return []
+        return {}
     states = _asked(["data", "status", "--granular", "--json"], folder).get("uncommitted", {})
     files = [(path, state) for state, listed in states.items() for path in listed if not path.endswith("/")]
-    return [f"{stage}: {'; '.join(_differing(path, files) for path in paths)}." for stage, paths in found.items()]
+    return {
+        stage: f"{stage}: {'; '.join(_differing(path, files) for path in paths)}." for stage, paths in found.items()
+    }
 
 
 def _asked(arguments: list[str], folder: Path) -> dict[str, Any]:

@@ -27,6 +27,7 @@ ALIAS = "champion"
 _REGISTERED = ("diagnose_gap", "train_semantics", "finetune_goal_planner", "diagnose_pushes", "deploy")
 """Stages whose outputs are registered: the models of a bundle, and the bundle."""
 _JUDGE = "models/judge/weights"  # only scores other models; not registered
+_HANDS = "models/trajvae/weights"  # has a figure for each writer and no main one; not registered
 _BLIND_TESTS = {"stroke_": Path("docs/blind_tests.md")}
 """The page of the blind benchmark, by the prefix of a model's name."""
 
@@ -54,7 +55,7 @@ def _register(client: "MlflowClient", folder: Path, locked: Locked, path: str, r
     tags = {"md5": digest} | _figure_tags(locked.stage, run) | _blind_tests(folder, name)
     tags |= {"manifest": run.tags["manifest"]} if "manifest" in run.tags else {}
     against = _bundled(client, run) if locked.stage == "deploy" else _reasons(tags, champion)
-    tags[ALIAS] = f"no: {'; '.join(against)}" if against else "yes"
+    tags[ALIAS] = f"no: {'; '.join(against)}" if against else f"yes: {_ahead_of(champion)}"
     if not versions:
         client.create_registered_model(name, description=f"Produced by {locked.name}; DVC has the files, in {path}.")
     logged = run.tags.get(f"{MODEL}{path}")  # none after a bare `dvc repro`
@@ -117,10 +118,21 @@ def _reasons(tags: dict[str, str], champion: "ModelVersion | None") -> list[str]
     return reasons
 
 
+def _ahead_of(champion: "ModelVersion | None") -> str:
+    """Why a version becomes the champion."""
+    if champion is None:
+        return "there was no champion"
+    if "value" not in champion.tags:  # a bundle of champions
+        return f"it follows version {champion.version}"
+    return f"not worse than version {champion.version} with {float(champion.tags['value']):.4g} on the same data"
+
+
 def _bundled(client: "MlflowClient", run: StageRun) -> list[str]:
     """Return the reasons against a bundle: its models that are not champions."""
     reasons = []
     for path, digest in run.inputs.items():
+        if path == _HANDS:
+            continue
         name = Path(path).parts[1]
         if not any(ALIAS in version.aliases and version.tags["md5"] == digest for version in _versions(client, name)):
             reasons.append(f"its {name} is not the champion")

@@ -44,8 +44,10 @@ class StageDifference:
     runs: tuple[StageRun | None, StageRun | None]
     params: dict[str, Pair]
     """Parameters that differ."""
-    data: dict[str, Pair]
-    """MD5 of inputs and outputs that differ, by path."""
+    inputs: dict[str, Pair]
+    """MD5 of data and models read that differ, by path."""
+    outputs: dict[str, Pair]
+    """MD5 of data and models written that differ, by path."""
     figures: tuple[Figure, ...]
     """The main figure first, then figures with a better side, then the others."""
     seconds: tuple[float | None, float | None]
@@ -60,7 +62,7 @@ class StageDifference:
             return False
         if a.id == b.id:
             return True
-        changed = self.params or self.data or any(figure.changed for figure in self.figures)
+        changed = self.params or self.inputs or self.outputs or any(figure.changed for figure in self.figures)
         return not changed and a.status == b.status == "FINISHED"
 
     @property
@@ -126,7 +128,7 @@ def _stage(history: History, name: str, a: StageRun | None, b: StageRun | None) 
     metrics_a, metrics_b = _metrics(a), _metrics(b)
     seconds = (metrics_a.pop(_TIME, None), metrics_b.pop(_TIME, None))
     if a is not None and b is not None and a.id == b.id:
-        return StageDifference(name, (a, b), {}, {}, (), seconds, ({}, {}))
+        return StageDifference(name, (a, b), {}, {}, {}, (), seconds, ({}, {}))
     params = _differing(a.params, b.params) if a and b else {}
     found = [_with_items(history, figure, a, b) for figure in figures(metrics_a, metrics_b)]
     if task := _other_task(name, params):
@@ -135,7 +137,8 @@ def _stage(history: History, name: str, a: StageRun | None, b: StageRun | None) 
         name,
         (a, b),
         params,
-        _differing(_data(a), _data(b)) if a and b else {},
+        _differing(a.inputs, b.inputs) if a and b else {},
+        _differing(_outputs(a), _outputs(b)) if a and b else {},
         tuple(sorted(found, key=lambda figure: _rank(name, figure))),
         seconds,
         (history.pictures(a) if a else {}, history.pictures(b) if b else {}),
@@ -167,9 +170,8 @@ def _with_items(history: History, figure: Figure, a: StageRun | None, b: StageRu
     return paired(figure, history.items(a, figure.name), history.items(b, figure.name), 0)
 
 
-def _data(run: StageRun) -> dict[str, str]:
-    outputs = {tag.removeprefix(OUTPUT): digest for tag, digest in run.tags.items() if tag.startswith(OUTPUT)}
-    return run.inputs | outputs
+def _outputs(run: StageRun) -> dict[str, str]:
+    return {tag.removeprefix(OUTPUT): digest for tag, digest in run.tags.items() if tag.startswith(OUTPUT)}
 
 
 def _differing(a: Mapping[str, str], b: Mapping[str, str]) -> dict[str, Pair]:

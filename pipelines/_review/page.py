@@ -62,7 +62,8 @@ def _stage(stage: StageDifference, sides: tuple[Side, Side]) -> dict[str, Any]:
         "runs": [run.id[:8] if run else "none" for run in stage.runs],
         "seconds": [f"{each:.1f} s" if each is not None else "unknown" for each in stage.seconds],
         "params": list(stage.params.items()),
-        "data": [(path, _short(pair)) for path, pair in stage.data.items()],
+        "inputs": [(path, _short(pair)) for path, pair in stage.inputs.items()],
+        "outputs": [(path, _short(pair)) for path, pair in stage.outputs.items()],
         "pictures": beside(*stage.pictures),
         "changed": [_figure(figure) for figure in stage.figures if figure.changed],
         "equal": [_figure(figure) for figure in stage.figures if not figure.changed],
@@ -146,7 +147,8 @@ def changes(comparison: Comparison) -> list[str]:
     """One sentence each on parameters, data and code."""
     stages = comparison.stages
     params = [f"{stage.name}: {name}" for stage in stages for name in stage.params]
-    data = list(dict.fromkeys(path for stage in stages for path in stage.data))
+    inputs = list(dict.fromkeys(path for stage in stages for path in stage.inputs))
+    outputs = list(dict.fromkeys(path for stage in stages for path in stage.outputs))
     a, b = comparison.sides
     if a.commit != b.commit:
         code = f"The commit differs: {a.commit[:8] or 'none'} and {b.commit[:8] or 'none'}."
@@ -155,7 +157,12 @@ def changes(comparison: Comparison) -> list[str]:
     dirty = [name for name, side in zip("AB", (a, b), strict=True) if side.dirty]
     if dirty:
         code += f" {' and '.join(dirty)} ran with uncommitted changes, which the commit does not contain."
-    return [_listed(params, "parameter", "differ"), _listed(data, "folder of data or models", "differ"), code]
+    return [
+        _listed(params, "parameter"),
+        _listed(inputs, "input"),
+        _listed(outputs, "output"),
+        code,
+    ]
 
 
 def _verdict(stage: StageDifference, sides: tuple[Side, Side]) -> str:
@@ -178,10 +185,9 @@ def _verdict(stage: StageDifference, sides: tuple[Side, Side]) -> str:
     return f"{changed} of {len(stage.figures)} figures differ; the stage has no main figure"
 
 
-def _listed(names: list[str], noun: str, verb: str) -> str:
+def _listed(names: list[str], noun: str) -> str:
     if not names:
-        return f"No {noun} {verb}s."
+        return f"No {noun} differs."
     more = len(names) - _MAX_NAMES
     shown = ", ".join(names[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
-    plural = noun.replace("parameter", "parameters").replace("folder", "folders") if len(names) > 1 else noun
-    return f"{len(names)} {plural} {verb if len(names) > 1 else verb + 's'}: {shown}."
+    return f"{len(names)} {noun}{'s differ' if len(names) > 1 else ' differs'}: {shown}."

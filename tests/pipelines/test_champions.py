@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from pipelines._review.agreement import read_lock
 from pipelines._review.champions import register
 from pipelines._tracking import tracked_run
 
@@ -34,7 +35,10 @@ def train(error: float, seed: int) -> list[str]:
 
 def deploy(seed: int) -> list[str]:
     """The same for a bundle of the last model."""
-    with tracked_run("deploy", None, {"seed": seed}, {"stroke_marker": Path("models/stroke_marker/weights")}) as run:
+    hands = Path("models/trajvae/weights")  # they are in the bundle and have no versions
+    hands.mkdir(parents=True, exist_ok=True)
+    inputs = {"stroke_marker": Path("models/stroke_marker/weights"), "hands": hands}
+    with tracked_run("deploy", None, {"seed": seed}, inputs) as run:
         run.log_metrics({"largest_difference": 1e-6})
         run.tag("manifest", f"hash {seed}")
     return _registered(seed, f"b{seed}")
@@ -70,6 +74,8 @@ def test_the_alias_follows_the_held_out_figure(client: Any) -> None:
     assert train(0.29, 3) == ["stroke_marker: version 3 is the champion."]
     version = client.get_model_version_by_alias("stroke_marker", "champion")
     assert (version.source, version.tags["value"]) == ("dvc://m3/models/stroke_marker/weights", "0.29")
+    assert version.tags["champion"] == "yes: not worse than version 1 with 0.3 on the same data"
+    assert client.get_model_version("stroke_marker", "1").tags["champion"] == "yes: there was no champion"
     assert client.get_run(version.run_id).data.tags["stage"] == "diagnose_gap"
 
 
@@ -94,3 +100,13 @@ def test_a_bundle_is_the_champion_with_its_models(client: Any) -> None:
     train(0.4, 2)
     assert deploy(2) == ["bundle: version 2 is not the champion: its stroke_marker is not the champion."]
     assert champion(client, "bundle") == "b1"
+
+
+def test_entries_of_dvc_lock_that_dvc_yaml_no_longer_has_are_left_out(client: Any) -> None:
+    """A stage that got a matrix leaves its old entry, without an item, in dvc.lock."""
+    train(0.3, 1)
+    lock = Path("dvc.lock")
+    lock.write_text(
+        lock.read_text() + "  diagnose_gap: {outs: []}\n  diagnose_gap@old: {outs: []}\n  gone: {outs: []}\n"
+    )
+    assert [locked.name for locked in read_lock(Path.cwd())] == ["diagnose_gap@marker"]

@@ -141,10 +141,14 @@ def test_executions_are_parents_that_carry_the_main_figures_and_what_stood(folde
 def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    files: list[str] = []  # this dvc.lock is too short for DVC itself
+    files: dict[str, str] = {}  # this dvc.lock is too short for DVC itself
     monkeypatch.setattr(compare, "altered", lambda _folder: files)
     ask(check=True)
     assert capsys.readouterr().out == "MLflow and dvc.lock agree on all 2 stage items.\n"
+    ask(check=True, stage="paint")
+    (run,) = (run for run in History().of_execution(History().executions[0]).values() if run.name == "paint")
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == f"paint: written by the run {run.id}, and not changed since." and "all 1 stage" in said[1]
     lock = Path("dvc.lock").read_text()
     strokes = History().runs[0].inputs["data/strokes"]
     try:
@@ -156,11 +160,11 @@ def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
             assert old in lock
             Path("dvc.lock").write_text(lock.replace(old, new))
             agreeing, (said,) = check(folder, "default")
-            assert agreeing == 1 and said.startswith("train_stroke_dynamics@marker: ") and sentence in said
-        files.append("paint: data/paintings is not what dvc.lock has.")
+            assert len(agreeing) == 1 and said.startswith("train_stroke_dynamics@marker: ") and sentence in said
+        files["paint"] = "paint: data/paintings is not what dvc.lock has."
         with pytest.raises(PentimentoError, match=r"disagree on 1 of 2 stage items.* Files of 1 of the stage items"):
             ask(check=True)
-        assert capsys.readouterr().out.endswith(f"{files[0]}\n")
+        assert capsys.readouterr().out.endswith(f"{files['paint']}\n")
     finally:
         Path("dvc.lock").write_text(lock)
 
@@ -170,7 +174,8 @@ def test_results_that_dvc_brought_back_agree_with_the_earlier_run(folder: Path) 
     lock = Path("dvc.lock").read_text()
     try:
         Path("dvc.lock").write_text(lock.replace("epochs: 9", "epochs: 4").replace(digest_of(0.20), digest_of(0.30)))
-        assert check(folder, "default") == (2, [])
+        agreeing, said = check(folder, "default")
+        assert len(agreeing) == 2 and not said
     finally:
         Path("dvc.lock").write_text(lock)
 
@@ -178,11 +183,12 @@ def test_results_that_dvc_brought_back_agree_with_the_earlier_run(folder: Path) 
 def test_an_altered_file_is_named(tmp_path: Path) -> None:
     folder = pipeline(tmp_path, "  one: {cmd: mkdir m && touch m/weights m/rows s, outs: [m, s]}")
     assert run_dvc(["repro", "--quiet"], folder) == 0
-    assert altered(folder) == []
+    assert altered(folder) == {}
     (folder / "m/weights").unlink()
     (folder / "m/weights").write_text("other")
     (folder / "s").unlink()
-    assert altered(folder) == ["one: m is not what dvc.lock has (m/weights modified); s is not what dvc.lock has."]
+    said = "one: m is not what dvc.lock has (m/weights modified); s is not what dvc.lock has."
+    assert altered(folder) == {"one": said}
     (folder / "dvc.yaml").write_text("stages: [")
     with pytest.raises(PentimentoError, match="DVC cannot compare the files"):
         altered(folder)
@@ -195,7 +201,7 @@ def test_a_stage_that_an_interrupted_execution_did_not_reach_is_not_called_the_s
     def words(b: StageRun | None) -> str:
         sides = [Side(name, 0, status, "", False, "", {}) for name, status in (("A", "FINISHED"), ("B", "KILLED"))]
         runs = (run("1", "FINISHED"), b)
-        stage = StageDifference("paint", runs, {}, {}, (), (None, None), ({}, {}))
+        stage = StageDifference("paint", runs, {}, {}, {}, (), (None, None), ({}, {}))
         return text(Comparison((sides[0], sides[1]), (stage,)))
 
     assert "paint: not reached in B" in words(None)
@@ -207,7 +213,7 @@ def test_a_stage_that_never_ran_is_missing(folder: Path) -> None:
     with pytest.raises(PentimentoError, match=r"smoke has no dvc.lock.* another profile: `--profile default`"):
         ask(check=True, profile="smoke")
     agreeing, said = check(folder, "smoke")
-    assert agreeing == 0 and len(said) == 2 and all("MLflow has no finished run of it" in each for each in said)
+    assert not agreeing and len(said) == 2 and all("MLflow has no finished run of it" in each for each in said)
 
 
 @pytest.mark.parametrize(
