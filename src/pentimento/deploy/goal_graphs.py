@@ -66,8 +66,10 @@ def goal_graphs(planner: GoalPlanner, tolerance: float, half_tolerance: float | 
     for name, part, inputs, output, of_half in parts:
         part.eval().requires_grad_(False)
         free = [dict[int, str]() if key == "timestep" else {0: "pictures_at_once"} for key in inputs]
-        given = part if of_half is None else copy.deepcopy(part).half()
-        exported = export_module(given, examples(name, 2), inputs, outputs=[output], free=free)
+        exported = export_module(
+            part if of_half is None else copy.deepcopy(part).half(), examples(name, 2), inputs, outputs=[output],
+            free=free,
+        )  # fmt: skip
         graphs[name] = compared(
             name, exported, _as_function(part), examples=[examples(name, batch) for batch in _BATCHES], units=_UNITS,
             tolerance=tolerance if of_half is None else of_half, models=("goal",),

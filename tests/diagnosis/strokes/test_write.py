@@ -41,6 +41,11 @@ def test_copied_row_is_left_out_and_reported(written: Written) -> None:
     assert any("copy" in line for line in written.lines)
 
 
+def test_few_actions_are_mentioned(written: Written) -> None:
+    verdict = json.loads((written.folder / "verdict.json").read_text())
+    assert "different actions; with fewer than about 60, only large effects are found" in verdict["text"]
+
+
 def test_extended_model_file_round_trips(written: Written) -> None:
     model, paints = read_model(written.folder / "extended_model.json")
     causes = {m.cause for m in model.mechanisms} - {UnevenEnds.cause}  # which are the base's

@@ -17,6 +17,7 @@ from pentimento.diagnosis.pushes.measured import PIXELS_PER_M, MeasuredPushes, c
 from pentimento.diagnosis.pushes.next_pushes import as_table, proposal_for, screen
 from pentimento.diagnosis.pushes.page import build_page
 from pentimento.diagnosis.pushes.problem import PushResult, push_problem, with_learned_residual
+from pentimento.diagnosis.splits import few_actions
 from pentimento.diagnosis.verdict import verdict, write_result
 from pentimento.dynamics.pushes.measured import PushSamples, load_pushes
 from pentimento.planning.pushes.analytic.correction import Correction, Range, split_hidden
@@ -59,6 +60,7 @@ def write_push_diagnosis(
         log(note)
     other = None if outside is None else usable(outside, measured.scene.half_width_m)
     problem = push_problem(measured, VOCABULARY, seed)
+    notes += filter(None, [few_actions(problem.rows)])
     result = diagnose(problem, seed=seed, log=log)
     shifted = None
     if other is not None:

@@ -14,6 +14,7 @@ from pentimento.contracts.strokes import CONTRACT
 from pentimento.contracts.tables import write_table
 from pentimento.diagnosis.diagnose import diagnose
 from pentimento.diagnosis.gauss_newton import covariance
+from pentimento.diagnosis.splits import few_actions
 from pentimento.diagnosis.strokes.executed import measures_paths
 from pentimento.diagnosis.strokes.measured import Measured, load_measured
 from pentimento.diagnosis.strokes.model import BASE, WIDTHS, model_as_json
@@ -71,6 +72,7 @@ def write_diagnosis(
     if measured.press_from_force:
         notes.append("Press is taken from the force, because z does not vary.")
     problem = stroke_problem(measured, VOCABULARY, seed)
+    notes += filter(None, [few_actions(problem.rows)])
     result = diagnose(problem, seed=seed, log=log)
     notes += _effect_of_press(result)
     shifted = None
