@@ -139,7 +139,7 @@ def test_a_sheet_that_lies_wrong_is_found(paper: dict[str, object]) -> None:
     """Its slope within 0.1 mm over the canvas; its height within 0.3 mm, since the nib's longest fibres touch first."""
     tilted, guard = at_the_sheet(paper)
     camera = calibrate_camera(guard.photo(), markers_around(CANVAS_M))
-    found = calibrate_touch(guard, MARKER, RIG, marks_on_photos(guard, guard.photo, camera, None), NOW_S)
+    found = calibrate_touch(guard, MARKER, RIG, marks_on_photos(guard, guard.photo, camera, None), lambda: NOW_S)
     require_fresh(found, RIG, NOW_S, 60.0)
     a, b, c = calibrated(RIG, found).surface
     places = np.array([[x, y] for x in (0.05, 0.15, 0.25) for y in (0.04, 0.1, 0.16)])
@@ -150,7 +150,7 @@ def test_a_sheet_that_lies_wrong_is_found(paper: dict[str, object]) -> None:
 def test_a_sheet_s_bow_shows_in_the_residual_and_a_strong_one_is_refused() -> None:
     _, guard = at_the_sheet({"tilt_m": (0.0, 0.0), "bow_m": 0.0012})
     camera = calibrate_camera(guard.photo(), markers_around(CANVAS_M))
-    found = calibrate_touch(guard, MARKER, RIG, marks_on_photos(guard, guard.photo, camera, None), NOW_S)
+    found = calibrate_touch(guard, MARKER, RIG, marks_on_photos(guard, guard.photo, camera, None), lambda: NOW_S)
     with pytest.raises(CalibrationError, match="touch calibration leaves"):
         require_fresh(found, RIG, NOW_S, 60.0)
 
@@ -170,7 +170,7 @@ def test_touch_calibration_without_a_camera_asks_the_person() -> None:
 
     rig = make_rig(surface=(1e-4, 0.0, 0.0), palette=None)
     marked = marks_seen_by_a_person(Noting(), person)  # type: ignore[arg-type]
-    found = calibrate_touch(Noting(), MARKER, rig, marked, NOW_S)  # type: ignore[arg-type]
+    found = calibrate_touch(Noting(), MARKER, rig, marked, lambda: NOW_S)  # type: ignore[arg-type]
     assert found.values["surface"] == pytest.approx([5e-4, 0, 0], abs=3e-5)
     envelope = envelope_for(MARKER, CANVAS_M)
     for path in sent:
@@ -204,7 +204,7 @@ def test_the_kinds_build_on_each_other_and_end_as_files(tmp_path: Path) -> None:
             tool=MARKER,
             ask=asked.append,
             ask_yes=lambda _: True,
-            now_unix_s=NOW_S,
+            clock=lambda: NOW_S,
         )  # type: ignore[arg-type]
 
     with pytest.raises(CalibrationError, match="no lens calibration"):
@@ -233,7 +233,7 @@ def test_what_a_kind_needs_and_does_not_get_is_said(tmp_path: Path) -> None:
             tool=MARKER,
             ask=lambda _: None,
             ask_yes=lambda _: True,
-            now_unix_s=NOW_S,
+            clock=lambda: NOW_S,
         )  # type: ignore[arg-type]
 
     for kind in ("lens", "canvas", "colour"):
@@ -241,6 +241,31 @@ def test_what_a_kind_needs_and_does_not_get_is_said(tmp_path: Path) -> None:
             run(kind)
     with pytest.raises(CalibrationError, match="needs the robot"):
         run("touch")
+
+
+def test_touch_calibration_at_human_pace_is_dated_when_it_ends(tmp_path: Path) -> None:
+    """Half a minute for each answer."""
+    sent: list[np.ndarray] = []
+    now_s = NOW_S
+
+    class Noting:
+        def move(self, path: np.ndarray) -> np.ndarray:
+            sent.append(path)
+            return path
+
+    def person(_: str) -> bool:
+        nonlocal now_s
+        now_s += 30.0
+        return bool(sent[-1][0, 3] <= 4e-4)
+
+    rig = make_rig(palette=None)
+    calibrate(
+        "touch", rig, tmp_path, photograph=None, robot=Noting(), tool=MARKER,  # type: ignore[arg-type]
+        ask=lambda _: None, ask_yes=person, clock=lambda: now_s,
+    )  # fmt: skip
+    written = read_calibration(tmp_path, "touch")
+    assert written.made_unix_s == now_s == NOW_S + 30 * len(sent) > NOW_S + 600
+    require_fresh(written, rig, now_s, 60.0)
 
 
 def test_a_lens_shows_in_the_canvas_s_residual() -> None:

@@ -81,7 +81,7 @@ def test_a_lean_installation_misses_nothing_outside_of_a_clone_and_the_workshop_
     monkeypatch.chdir(clone / "robot")
     assert main(["doctor"]) == 0
     printed = capsys.readouterr().out
-    assert "pip install 'pentimento[train]'" in printed and "wrong" not in printed
+    assert "pip install '.[train]'" in printed and "wrong" not in printed
     monkeypatch.chdir(clone)
     assert main(["doctor"]) == 1
     printed = capsys.readouterr()
@@ -172,7 +172,7 @@ def test_ports_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     (tmp_path / "ttyACM0").touch()
     assert ports(tmp_path).state == "ok" and "ttyACM0" in ports(tmp_path).text
     without(monkeypatch, "pyserial")
-    assert "pentimento[grbl]" in (ports(tmp_path).mend or "")
+    assert "'.[grbl]'" in (ports(tmp_path).mend or "")
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert "usermod" in (ports(tmp_path).mend or "")
 
@@ -182,3 +182,29 @@ def test_a_package_of_another_checkout_is_noted(tmp_path: Path) -> None:
     assert package(tmp_path / "here", here).state == "ok"
     found = package(tmp_path / "here", other)
     assert found.state == "note" and str(other.parent) in found.text and found.mend
+
+
+@pytest.mark.parametrize(
+    ("absent", "state", "mend", "words"),
+    [
+        (["lerobot"], "ok", None, "all others are installed; lerobot needs an environment of its own"),
+        (["lerobot", "xarm"], "note", "pip install '.[xarm]'", "named after: xarm (a). lerobot needs an environment"),
+        (["grbl", "xarm"], "note", "pip install '.[NAME]'", "named after: grbl (a); xarm (a)."),
+        ([], "ok", None, "all are installed."),
+    ],
+)
+def test_lerobot_is_left_out_of_the_advice_on_extras(
+    monkeypatch: pytest.MonkeyPatch, absent: list[str], state: str, mend: str | None, words: str
+) -> None:
+    monkeypatch.setattr(doctor_computer, "extras", lambda: iter([(extra, ["a"]) for extra in absent]))
+    monkeypatch.setattr(doctor_computer, "missing", list)
+    found = doctor_computer._extras()
+    assert (found.state, found.mend) == (state, mend) and words in found.text
+    assert ("lerobot" in found.text) == ("lerobot" in absent)
+
+
+def test_help_says_what_the_states_mean(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["doctor", "--help"])
+    printed = capsys.readouterr().out
+    assert [word for word in ("ok:", "note:", "wrong:", "exit status") if word not in printed] == []

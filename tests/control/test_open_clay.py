@@ -159,7 +159,7 @@ def test_rig_and_scanner_named_in_its_file_sculpt(
 
 
 def test_without_execute_the_studio_rehearses_and_refuses_what_the_rig_does_not_reach(
-    bundle: Path, rig_file: Path, tmp_path: Path
+    bundle: Path, rig_file: Path, machine: ClayMachine, tmp_path: Path
 ) -> None:
     state = run_sculpture.run_sculpture(
         commissioned(bundle, rig_file, actions=1, execute=False), tmp_path / "s", resume=False, control=Control(),
@@ -182,7 +182,9 @@ def test_without_execute_the_studio_rehearses_and_refuses_what_the_rig_does_not_
     opened.close()
 
 
-def test_hardware_needs_a_fresh_touch_calibration(bundle: Path, rig_file: Path, tmp_path: Path) -> None:
+def test_hardware_needs_a_fresh_touch_calibration(
+    bundle: Path, rig_file: Path, machine: ClayMachine, tmp_path: Path
+) -> None:
     with pytest.raises(CalibrationError, match="no touch calibration"):
         run_sculpture.run_sculpture(
             commissioned(bundle, rig_file), tmp_path / "s", resume=False, control=Control(), progress=Progress(),
@@ -233,3 +235,12 @@ def test_limits_of_a_rig_narrow_and_never_widen() -> None:
     assert (narrow.x_min_m, narrow.x_max_m, narrow.max_depth_m) == (0.01, 0.2, envelope.max_depth_m)
     assert (narrow.max_speed_m_s, narrow.max_retract_speed_m_s) == (0.03, 0.03)
     assert narrowed(envelope, {}) == envelope
+
+
+def test_rehearsal_refuses_an_unknown_driver_and_leaves_nothing(bundle: Path, rig_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="names the driver 'press', and installed are"):
+        run_sculpture.run_sculpture(
+            commissioned(bundle, rig_file, execute=False), tmp_path / "s", resume=False, control=Control(),
+            progress=Progress(),
+        )  # fmt: skip
+    assert not (tmp_path / "s").exists()

@@ -64,8 +64,11 @@ def test_open_hardware_without_execute_is_a_virtual_robot_of_its_size(tmp_path: 
     opened = _open("gcode:/dev/null", tmp_path)
     rig = rig_named("gcode:/dev/null")
     assert rig is not None and opened.robot.canvas_size_m == rig.canvas_size_m
-    assert opened.traits.has_camera
+    assert not opened.traits.has_camera and rig.camera is None
     opened.close()
+    with_camera = _open("xarm", tmp_path / "xarm")
+    assert with_camera.traits.has_camera
+    with_camera.close()
 
 
 def test_open_hardware_without_calibration_is_refused(tmp_path: Path) -> None:

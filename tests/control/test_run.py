@@ -13,6 +13,7 @@ import urllib.error
 import urllib.request
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,9 @@ from pentimento.control.commission import Wanted
 from pentimento.control.layout import Wish
 from pentimento.control.person import Control, Progress
 from pentimento.control.run import commission_of, run
+from pentimento.robots.calibration import Calibration, write_calibration
+from pentimento.robots.rig import load_rig
+from pentimento.robots.simulated_grbl import SimulatedGrbl
 from tests.bundle.small_hands import HAND_POINTS
 from tests.bundle.tiny_bundle import CANVAS_M, PLANNER
 from tests.control.painting_bundle import small_vocabulary, write_painting_bundle
@@ -389,10 +393,49 @@ def test_run_refuses_uncalibrated_hardware(
     assert "calibrat" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("execute", [[], ["--execute"]])
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('"grbl"', '"grlb"', "The rig small names the driver 'grlb', and installed are ["),
+        ("[machine]", '[limits]\nx_min = "90 mm"\n[machine]', "workspace is empty"),
+    ],
+)
+def test_run_refuses_a_bad_rig_file_and_leaves_nothing(
+    bundle: Path, picture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], execute: list[str], old: str,
+    new: str, sentence: str,
+) -> None:  # fmt: skip
+    rig, out = tmp_path / "small.toml", tmp_path / "out"
+    rig.write_text(small_plotter(canvas_mm=(60, 40)).replace(old, new))
+    arguments = ["run", str(bundle), "--robot", str(rig), "--goal-image", str(picture), "--out", str(out), *execute]
+    assert main(arguments) == 1
+    assert sentence in capsys.readouterr().err and not out.exists()
+
+
+def test_rehearsal_without_a_camera_makes_the_plan_of_the_execution(bundle: Path, tmp_path: Path) -> None:
+    grbl = SimulatedGrbl(hurry=300)
+    rig = tmp_path / "small.toml"
+    rig.write_text(small_plotter(grbl.port, (60, 40)))
+    touch = Calibration("touch", load_rig(rig).digest, time.time(), "a test", 0.0, {"surface": [0.0, 0.0, 0.0]})
+    write_calibration(tmp_path / "calibration", touch)
+    commission = commission_of(bundle, Wanted("words", "a cat"), tell=print, robot=str(rig), strokes=3, seed=5)
+    try:
+        for out, execute in (("rehearsed", False), ("executed", True)):
+            run(
+                replace(commission, execute=execute), tmp_path / out, resume=False,
+                calibration=tmp_path / "calibration", ask=lambda _: None, page=None, control=Control(),
+                progress=Progress(io.StringIO()),
+            )  # fmt: skip
+    finally:
+        grbl.close()
+    for name in ("goal.png", "plan.png"):
+        assert (tmp_path / "rehearsed" / name).read_bytes() == (tmp_path / "executed" / name).read_bytes()
+
+
 def test_run_on_a_larger_sheet_paints_its_lower_left_part(bundle: Path, picture: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert main(["run", str(bundle), "--robot", "plotter", "--goal-image", str(picture), "--out", str(out)]) == 0
-    rows = read_table(out / "record", CONTRACT).table.to_pylist()  # rehearsed on a sheet of 300 x 200 mm
+    out = tmp_path / "out"  # rehearsed on a sheet of 300 x 200 mm, with a camera
+    assert main(["run", str(bundle), "--robot", "xarm", "--goal-image", str(picture), "--out", str(out)]) == 0
+    rows = read_table(out / "record", CONTRACT).table.to_pylist()
     places = np.concatenate([np.array(row["path"])[:, 1:3] for row in rows])
     assert np.all(places >= 0) and np.all(places <= CANVAS_M)
 

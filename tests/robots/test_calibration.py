@@ -55,6 +55,13 @@ def test_stale_foreign_or_inaccurate_calibration_is_rejected(change: dict[str, o
         require_fresh(dataclasses.replace(TOUCH, **change), RIG, NOW_S, DAY_S)  # type: ignore[arg-type]
 
 
+def test_ages_below_two_hours_are_in_minutes() -> None:
+    with pytest.raises(CalibrationError, match="is 60 min old and at most 1 min are allowed"):
+        require_fresh(TOUCH, RIG, NOW_S, 60.0)
+    with pytest.raises(CalibrationError, match=r"is 3\.0 h old and at most 90 min are allowed"):
+        require_fresh(TOUCH, RIG, NOW_S + 7200, 5400.0)
+
+
 @pytest.mark.parametrize("kind", MAX_RESIDUAL)
 def test_each_kind_has_its_own_limit(kind: str) -> None:
     limit, _ = MAX_RESIDUAL[kind]  # type: ignore[index]

@@ -3,6 +3,7 @@
 import re
 import sys
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pentimento.control.safety import envelope_for
 from pentimento.robots.hardware import HardwareRobot
 from pentimento.robots.machine import MachineError, positions_only
 from pentimento.robots.motion import timed_path
+from pentimento.robots.rig import load_rig
 from pentimento.robots.tools import load_tool
 from pipelines._imports import ROOT
 from tests.robots.machines import make_rig
@@ -94,6 +96,19 @@ def test_without_its_package_it_says_what_to_install(
     monkeypatch.setitem(sys.modules, "doodle", None)
     with pytest.raises(ConfigError, match="pip install doodle"):
         driver[0].connect(RIG)
+
+
+def test_example_rig_file_is_complete_and_opens_the_example_driver(
+    driver: tuple[types.ModuleType, Device], tmp_path: Path
+) -> None:
+    module, device = driver
+    found = re.search(r'```toml\n(name = "doodle".*?)```', PAGE, re.DOTALL)
+    assert found
+    (tmp_path / "doodle.toml").write_text(found[1])
+    rig = load_rig(tmp_path / "doodle.toml")
+    assert rig.driver == "doodle" and rig.camera is None
+    place_m = module.connect(rig).where()[:3, 3]
+    assert place_m == pytest.approx(np.array(device.at) / 100)
 
 
 def test_example_scanner_makes_heights_of_a_depth_picture(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -90,12 +90,13 @@ def calibrate_colours(photo: Photo, camera: CameraCalibration, rig: Rig, now_uni
 
 
 def calibrate_touch(
-    robot: Robot, tool: Tool, rig: Rig, marked: Callable[[FloatArray], bool], now_unix_s: float
+    robot: Robot, tool: Tool, rig: Rig, marked: Callable[[FloatArray], bool], clock: Callable[[], float]
 ) -> Calibration:
     """The surface, from the heights at which short lines begin to leave a mark, at five places.
 
     The robot holds the tool; one that dips is dipped into paint 0 at each place. Commands go through the guard.
-    `marked(path)` draws the line and returns whether it left a mark. The result replaces the rig's surface.
+    `marked(path)` draws the line and returns whether it left a mark. The result replaces the rig's surface and is dated
+    by `clock()` (Unix time, s) after the last line.
 
     Raises CalibrationError where the tool touches too early or never; the robot's own errors pass through.
     """
@@ -118,7 +119,7 @@ def calibrate_touch(
     plane, residual_m = touch_plane(places_m, heights_m)
     surface = [old + new for old, new in zip(rig.surface, plane, strict=True)]
     values = {"surface": surface, "tool": tool.name, "heights_m": heights_m.tolist()}
-    return Calibration("touch", rig.digest, now_unix_s, digest_of(places_m, heights_m), residual_m, values)
+    return Calibration("touch", rig.digest, clock(), digest_of(places_m, heights_m), residual_m, values)
 
 
 def marks_on_photos(
@@ -188,7 +189,7 @@ def calibrate(
     tool: Tool,
     ask: Callable[[str], None],
     ask_yes: Callable[[str], bool],
-    now_unix_s: float,
+    clock: Callable[[], float],
 ) -> Calibration:
     """Make one calibration with a person's help and write it into `folder`.
 
@@ -198,6 +199,7 @@ def calibrate(
         photograph: the rig's camera without corrections; None where it has none.
         robot: for the touch alone: guarded, and with its palette laid out where the tool dips.
         ask, ask_yes: put a request, or a question, to the person.
+        clock: the Unix time [s]; read when the measurements are made, since a person may need minutes for them.
     """
     found = _calibrated(
         kind,
@@ -208,7 +210,7 @@ def calibrate(
         tool=tool,
         ask=ask,
         ask_yes=ask_yes,
-        now_unix_s=now_unix_s,
+        clock=clock,
     )
     write_calibration(folder, found)
     return found
@@ -224,12 +226,12 @@ def _calibrated(
     tool: Tool,
     ask: Callable[[str], None],
     ask_yes: Callable[[str], bool],
-    now_unix_s: float,
+    clock: Callable[[], float],
 ) -> Calibration:
     if kind == "touch" and robot is None:
         raise CalibrationError("A touch calibration needs the robot.")
     if kind == "touch" and robot is not None and photograph is None:
-        return calibrate_touch(robot, tool, rig, marks_seen_by_a_person(robot, ask_yes), now_unix_s)
+        return calibrate_touch(robot, tool, rig, marks_seen_by_a_person(robot, ask_yes), clock)
     if photograph is None:
         raise CalibrationError(f"The rig {rig.name} has no camera, and a {kind} calibration needs one.")
     if kind == "lens":
@@ -237,18 +239,18 @@ def _calibrated(
         for number in range(1, BOARD_PHOTOS + 1):
             ask(f"Hold the ChArUco board into the picture, at a new tilt and place ({number}/{BOARD_PHOTOS}).")
             photos.append(photograph())
-        return calibrate_lens(photos, rig, now_unix_s)
+        return calibrate_lens(photos, rig, clock())
     lens = lens_of(read_calibration(folder, "lens"))
     if kind == "canvas":
         ask("Take everything off the canvas and its markers.")
-        return calibrate_canvas(photograph(), lens, rig, now_unix_s)
+        return calibrate_canvas(photograph(), lens, rig, clock())
     camera = camera_of(read_calibration(folder, "canvas"))
     if kind == "colour":
         ask("Lay the colour chart upright into the canvas's lower left corner.")
-        return calibrate_colours(straightened(photograph(), lens), camera, rig, now_unix_s)
+        return calibrate_colours(straightened(photograph(), lens), camera, rig, clock())
     assert robot is not None  # refused above
     ask("Take everything off the canvas; the robot is going to draw short lines at five places.")
-    return calibrate_touch(robot, tool, rig, marks_on_photos(robot, photograph, camera, lens), now_unix_s)
+    return calibrate_touch(robot, tool, rig, marks_on_photos(robot, photograph, camera, lens), clock)
 
 
 def _value(calibration: Calibration, kind: Kind, key: str) -> Any:

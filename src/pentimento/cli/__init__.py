@@ -42,6 +42,8 @@ class Command:
     problem: Callable[[argparse.Namespace], str | None] = _no_problem
     """What is wrong with a combination of options, as a sentence; None where nothing is."""
     subcommands: tuple[Command, ...] = ()
+    description: str | None = None
+    """What ``--help`` says above the arguments."""
 
 
 @contextmanager

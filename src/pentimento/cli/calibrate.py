@@ -63,7 +63,7 @@ def calibrate_rig(
                 tool=tool,
                 ask=ask,
                 ask_yes=ask_yes,
-                now_unix_s=time.time(),
+                clock=time.time,
             )
         else:
             robot = HardwareRobot(machine_of(rig), rig, ask, camera)
@@ -81,7 +81,7 @@ def calibrate_rig(
                     tool=tool,
                     ask=ask,
                     ask_yes=ask_yes,
-                    now_unix_s=time.time(),
+                    clock=time.time,
                 )
             finally:
                 robot.close()

@@ -27,7 +27,15 @@ def _doctor(_: argparse.Namespace) -> None:
     if wrong := [found.part for found in findings if found.state == "wrong"]:
         raise ConfigError(f"{', '.join(wrong)}: mend this before `make repro`.")
     if not is_clone(root):
-        print("This folder is no clone of the project: bundles run here; `make repro` needs a clone.")
+        print(
+            "This folder is no clone of the project: bundles run here; `make repro` and `pip install .` need a clone."
+        )
 
 
-COMMAND = Command("doctor", "what this computer has, what is wrong, and the command that mends it", run=_doctor)
+COMMAND = Command(
+    "doctor",
+    "what this computer has, what is wrong, and the command that mends it",
+    run=_doctor,
+    description="Print a line for each part. ok: nothing is to be done. note: something is missing, and only what the "
+    "line names needs it. wrong: `make repro` cannot run before this is mended; the exit status is then 1.",
+)

@@ -121,10 +121,13 @@ def _extras() -> Finding:
     """Name the extras whose packages are not all there."""
     lacking = {extra: names for extra, needed in extras() if (names := missing(needed))}
     lacking.pop("train", None)  # lines of their own
+    apart = ""
+    if lacking.pop("lerobot", None):
+        apart = "lerobot needs an environment of its own (docs/on_a_robot.md, section 3)."
     if not lacking:
-        return Finding("ok", "extras", "all are installed.")
+        return Finding("ok", "extras", f"all others are installed; {apart}" if apart else "all are installed.")
     listed = "; ".join(f"{extra} ({', '.join(names)})" for extra, names in lacking.items())
-    return Finding("note", "extras", f"not installed, each only for what it is named after: {listed}.",
+    return Finding("note", "extras", f"not installed, each only for what it is named after: {listed}. {apart}".rstrip(),
                    install(next(iter(lacking)) if len(lacking) == 1 else "NAME"))  # fmt: skip
 
 
@@ -151,5 +154,5 @@ def version(distribution: str) -> str | None:
 
 
 def install(extra: str) -> str:
-    """Command that installs an extra of the package."""
-    return f"pip install 'pentimento[{extra}]'"
+    """Command that installs an extra of the package, in a clone."""
+    return f"pip install '.[{extra}]'"

@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _add(subparsers: Any, command: Command) -> None:
-    parser = subparsers.add_parser(command.name, help=command.help)
+    parser = subparsers.add_parser(command.name, help=command.help, description=command.description)
     groups: dict[str | None, Any] = {None: parser}
     for option in command.options:
         if option.exclusive not in groups:

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.codec import from_plain, to_plain
-from pentimento.contracts.errors import ContractError
+from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.ranges import at_least
 from pentimento.control.expression import PLAIN, Expression
 
@@ -161,6 +161,26 @@ def exclusive(folder: Path) -> Iterator[None]:
         except BlockingIOError as error:
             raise ContractError(f"Another process paints in {folder}; wait for its end, or stop it first.") from error
         yield
+
+
+@contextmanager
+def begun(folder: Path, commission: Commission | ClayCommission) -> Iterator[None]:
+    """A new folder with a commission, as by `write_commission`, locked as by `exclusive` while the block runs.
+
+    If the block refuses its inputs (ConfigError, ContractError), such as a rig file, before it has written anything
+    else, the commission is removed, and with it a folder that did not exist: the command can be given again as it was.
+    """
+    is_new = not Path(folder).exists()
+    write_commission(folder, commission)
+    with exclusive(folder):
+        try:
+            yield
+        except (ConfigError, ContractError):
+            if [file.name for file in Path(folder).iterdir()] == [_NAME]:
+                (Path(folder) / _NAME).unlink()
+                if is_new:
+                    Path(folder).rmdir()
+            raise
 
 
 def _read(folder: Path) -> Any:

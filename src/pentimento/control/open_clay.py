@@ -16,7 +16,7 @@ from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.frames import image_shape
 from pentimento.control.guard import Watchdog
 from pentimento.control.journal import JournaledClay
-from pentimento.control.open_robot import MAX_AGE_S, machine_of
+from pentimento.control.open_robot import MAX_AGE_S, driver_of, machine_of
 from pentimento.control.place_safety import place_envelope_for
 from pentimento.control.push_safety import GuardedSculptingRobot, PushEnvelope, push_envelope_for
 from pentimento.control.robot_process import SculptingRobotProcess
@@ -109,6 +109,9 @@ def open_clay(
         ConfigError: no such world, driver or scanner.
         CalibrationError: hardware is to move with a calibration of the touch that is missing, old, or of another rig.
     """
+    if rig is not None:
+        driver_of(rig)  # before anything is opened, and in a rehearsal as well
+        narrowed(push_envelope_for(end_effector, rig.canvas_size_m), rig.limits)
     if rig is not None and execute:
         touch = read_calibration(calibration, "touch")
         require_fresh(touch, rig, time.time(), MAX_AGE_S)

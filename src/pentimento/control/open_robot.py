@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from pentimento.calibration.calibrate import camera_of
@@ -69,7 +69,7 @@ def rig_named(name: str) -> Rig | None:
     ``gcode:PORT`` is the bundled plotter at that port; ``gcode`` writes the same commands to a file.
 
     Raises:
-        ConfigError: no such robot.
+        ConfigError: no such robot, or no installed package provides the rig's driver.
     """
     kind, _, place = name.partition(":")
     if kind == "virtual" or name == "svg":
@@ -79,7 +79,9 @@ def rig_named(name: str) -> Rig | None:
             return load_rig("plotter_on_file")
         rig = load_rig("plotter")
         return replace(rig, machine={**rig.machine, "port": place})
-    return load_rig(name)
+    rig = load_rig(name)
+    driver_of(rig)
+    return rig
 
 
 def is_in_studio(name: str, execute: bool) -> bool:
@@ -101,7 +103,8 @@ def open_robot(
 ) -> RobotHandle:
     """The robot of ``--robot``.
 
-    Without ``execute``, hardware is rehearsed: the virtual robot replaces it, with a sheet of the same size.
+    Without ``execute``, hardware is rehearsed: the virtual robot replaces it, with a sheet of the same size, and with a
+    camera only if the rig has one, so that the rehearsal makes the plan of the execution.
 
     Args:
         canvas_size_m: of the sheet, where no rig defines it.
@@ -124,7 +127,8 @@ def open_robot(
     world = place if kind == "virtual" and place else tool.name
     robot = virtual_robot(world, canvas_size_m if rig is None else rig.canvas_size_m, seed)
     journaled = JournaledRobot(robot, folder / JOURNAL, lambda _: tool)
-    return RobotHandle(journaled, RobotTraits(True, True, _COMPILES_S, in_studio=True), journaled.close)
+    has_camera = rig is None or rig.camera is not None
+    return RobotHandle(journaled, RobotTraits(has_camera, True, _COMPILES_S, in_studio=True), journaled.close)
 
 
 def _hardware(rig: Rig, tool: Tool, *, folder: Path, calibration: Path, ask: Callable[[str], None]) -> RobotHandle:
@@ -147,8 +151,8 @@ def connected(rig: Rig, found: Mapping[Kind, Calibration], ask: Callable[[str], 
     return HardwareRobot(machine_of(rig), rig, ask, camera)
 
 
-def machine_of(rig: Rig) -> Machine:
-    """The rig's machine, by its driver's entry point.
+def driver_of(rig: Rig) -> EntryPoint:
+    """The entry point of the rig's driver. No device is opened.
 
     Raises:
         ConfigError: no installed package provides such a driver.
@@ -159,5 +163,14 @@ def machine_of(rig: Rig) -> Machine:
             f"The rig {rig.name} names the driver {rig.driver!r}, and installed are {sorted(drivers.names)}; install "
             "the package that provides it."
         )
-    connect: Callable[[Rig], Machine] = drivers[rig.driver].load()
+    return drivers[rig.driver]
+
+
+def machine_of(rig: Rig) -> Machine:
+    """The rig's machine, opened by its driver.
+
+    Raises:
+        ConfigError: as `driver_of`; or the driver refuses the rig's [machine].
+    """
+    connect: Callable[[Rig], Machine] = driver_of(rig).load()
     return connect(rig)

@@ -30,7 +30,7 @@ from pentimento.contracts.atomic import atomic_write
 from pentimento.contracts.errors import ConfigError
 from pentimento.contracts.images import read_image
 from pentimento.control.checkpoint import PaintingState, has_state, load_state
-from pentimento.control.commission import Commission, Wanted, Weights, exclusive, write_commission
+from pentimento.control.commission import Commission, Wanted, Weights, begun, exclusive
 from pentimento.control.drawing import drawn_plan
 from pentimento.control.expression import PLAIN, Expression
 from pentimento.control.goal import GoalSampling, centred_square, goal_from_picture, goal_from_words
@@ -184,11 +184,11 @@ def run(
         return state
     for message in understand(wish, bundle.vocabulary).messages() if wish else ():
         progress.message(message)
-    if not resume:
-        write_commission(folder, commission)
-    with exclusive(folder):
+    with exclusive(folder) if resume else begun(folder, commission):
         control.hand = load_state(folder).hand if has_state(folder) else commission.hand
-        pen = _pen(tool, canvas_size_m) if is_in_studio(commission.robot, commission.execute) else None
+        # What a person draws on the page is seen by the studio's camera alone.
+        has_pen = is_in_studio(commission.robot, commission.execute) and (rig is None or rig.camera is not None)
+        pen = _pen(tool, canvas_size_m) if has_pen else None
         saved = saved_files(folder, tool, canvas_size_m)
         served = None if page is None else Page(folder, control, pen, saved, listen, sorted(bundle.hands))
         try:

@@ -20,7 +20,7 @@ from pentimento.contracts.errors import ConfigError, PentimentoError
 from pentimento.contracts.height_maps import encode_height_png
 from pentimento.contracts.images import encode_png
 from pentimento.control.checkpoint import SculptureState, has_sculpture, load_sculpture, save_sculpture
-from pentimento.control.commission import ClayCommission, ClayGoal, exclusive, write_commission
+from pentimento.control.commission import ClayCommission, ClayGoal, begun, exclusive
 from pentimento.control.execute import Session
 from pentimento.control.execute_push import HEIGHT_PER_UNIT_M
 from pentimento.control.loop import Hooks, Interrupt
@@ -144,9 +144,7 @@ def run_sculpture(
     facts, settings = bundle.manifest.clays[name], bundle.manifest.sculpting[name]
     if resume and has_sculpture(folder) and load_sculpture(folder).stopped is not None:
         return load_sculpture(folder)
-    if not resume:
-        write_commission(folder, commission)
-    with exclusive(folder):
+    with exclusive(folder) if resume else begun(folder, commission):
         end_effector = load_end_effector(bundle.folder / "end_effectors" / f"{facts.end_effector}.toml")
         placer = _placer(bundle, name) if commission.robot == IN_STUDIO else None
         opened = open_clay(

@@ -101,7 +101,7 @@ def require_fresh(calibration: Calibration, rig: Rig, now_unix_s: float, max_age
         raise CalibrationError(f"{what} is dated in the future; set the clock and calibrate again.")
     if not age_s <= max_age_s:
         raise CalibrationError(
-            f"{what} is {age_s / 3600:.1f} h old and at most {max_age_s / 3600:.1f} h are allowed; calibrate again."
+            f"{what} is {_age(age_s)} old and at most {_age(max_age_s)} are allowed; calibrate again."
         )
     limit, unit = MAX_RESIDUAL[calibration.kind]
     if not (math.isfinite(calibration.residual) and 0 <= calibration.residual <= limit):
@@ -109,6 +109,10 @@ def require_fresh(calibration: Calibration, rig: Rig, now_unix_s: float, max_age
             f"{what} leaves {calibration.residual:.3g} {unit} and at most {limit:g} {unit} are allowed; "
             "look at what it was made from and calibrate again."
         )
+
+
+def _age(seconds: float) -> str:
+    return f"{seconds / 60:.0f} min" if seconds < 2 * 3600 else f"{seconds / 3600:.1f} h"
 
 
 def needed_kinds(rig: Rig) -> tuple[Kind, ...]:
