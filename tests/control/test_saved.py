@@ -206,6 +206,27 @@ def test_replay_shows_the_start_each_turn_and_each_stroke(duet: tuple[Path, Pain
     assert np.abs(frames[-1].picture.astype(int) - last[times][:, times]).mean() < 6
 
 
+def test_replay_ends_with_a_line_that_was_drawn_before_stop(tmp_path: Path) -> None:
+    robot, control = journaled_sheet(tmp_path), Control()
+    begun(robot, tmp_path)
+    high = {"points": [[0.1, 0.1, 0.5], [0.9, 0.1, 0.5]], "color": None}
+    orders = iter([("draw", json.dumps(LINE)), ("go on",), ("draw", json.dumps(high)), ("stop",)])
+    control.send("your turn")
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "your turn":
+            control.send(*next(orders))
+
+    resume(session_of(robot, tmp_path, control, person, in_turns=True, in_studio=True))
+    robot.close()
+    *_, before, last = frames_of(tmp_path)
+    side = last.picture.shape[0]
+    new = before.picture.min(-1).astype(int) - last.picture.min(-1) > 60
+    # y of the page points down; the robot's own bar may cross the line.
+    assert last.caption == "Turn 2, yours" and before.caption.startswith("The robot’s stroke")
+    assert new[round(0.05 * side) : round(0.15 * side)].sum() > side and not new[round(0.2 * side) :].any()
+
+
 def test_replay_is_one_file_that_loads_nothing(duet: tuple[Path, PaintingState]) -> None:
     page = replay_page(duet[0])
     assert page.count("data:image/jpeg;base64,") == len(frames_of(duet[0]))
