@@ -189,7 +189,7 @@ def run(
     with exclusive(folder):
         control.hand = load_state(folder).hand if has_state(folder) else commission.hand
         pen = _pen(tool, canvas_size_m) if is_in_studio(commission.robot, commission.execute) else None
-        saved = saved_files(folder, tool, canvas_size_m)
+        saved = saved_files(folder, tool, canvas_size_m, rig)
         served = None if page is None else Page(folder, control, pen, saved, listen, sorted(bundle.hands))
         try:
             if page is not None and served is not None:
@@ -227,7 +227,7 @@ def run(
                         if tool.dips:
                             progress.message(planned.message)
                     ended = resume_session(session, wish if ended is None else "", expression)
-            for message in write_drawings(folder, tool, canvas_size_m):
+            for message in write_drawings(folder, tool, canvas_size_m, rig):
                 progress.message(message)
             if ended.phase == "done":
                 _write_summary(folder, context, ended)
