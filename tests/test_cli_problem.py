@@ -39,7 +39,7 @@ def test_a_problem_of_ones_own_gets_a_verdict(tmp_path: Path, capsys: pytest.Cap
         ("no_such_module:problem", "cannot be imported"),
         ("mine/pend/pendulum.py:problem", "write --problem mine.pend.pendulum:problem, from the current folder"),
         ("./pendulum.py:problem", "write --problem pendulum:problem, from the current folder"),
-        ("/elsewhere/pendulum.py:problem", "go to /elsewhere and write --problem pendulum:problem"),
+        ("/other/pendulum.py:problem", "go to /other and write --problem pendulum:problem"),
         (f"{TOY}:no_such_function", "has no function no_such_function"),
     ],
 )

@@ -105,7 +105,8 @@ def _factory(name: str) -> Callable[[Path, int], Any]:
         found = getattr(importlib.import_module(module), function, None)
     except ModuleNotFoundError as error:
         raise ConfigError(
-            f"--problem {name} cannot be imported: {error}. Modules are looked up from the current folder, {Path.cwd()}."
+            f"--problem {name} cannot be imported: {error}. Modules are looked up from the current folder, "
+            f"{Path.cwd()}."
         ) from error
     if not callable(found):
         raise ConfigError(f"--problem {name}: the module {module} has no function {function}.")
