@@ -37,6 +37,9 @@ def test_a_problem_of_ones_own_gets_a_verdict(tmp_path: Path, capsys: pytest.Cap
     [
         ("spring", "not of the form module:function"),
         ("no_such_module:problem", "cannot be imported"),
+        ("mine/pend/pendulum.py:problem", "write --problem mine.pend.pendulum:problem, from the current folder"),
+        ("./pendulum.py:problem", "write --problem pendulum:problem, from the current folder"),
+        ("/other/pendulum.py:problem", "go to /other and write --problem pendulum:problem"),
         (f"{TOY}:no_such_function", "has no function no_such_function"),
     ],
 )

@@ -92,6 +92,17 @@ def test_run_paints_a_picture_without_torch(bundle: Path, picture: Path, tmp_pat
     assert read_table(out / "record", CONTRACT).table.num_rows == summary["strokes"]
 
 
+def test_turns_without_terminal_and_page_are_refused_before_anything_is_drawn(
+    bundle: Path, picture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("a sun\n"))
+    out = tmp_path / "out"
+    assert main(["run", str(bundle), "--goal-image", str(picture), "--out", str(out), "--turns"]) == 1
+    said = capsys.readouterr().err
+    assert "nobody can say whose turn it is: there is no terminal and no page" in said and "--page" in said
+    assert not out.exists()
+
+
 def test_run_paints_a_goal_from_words_without_torch(bundle: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = _in_process(

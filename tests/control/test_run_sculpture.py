@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from pentimento.bundle.reader import BundleError, open_bundle
+from pentimento.cli.main import main
 from pentimento.contracts.codec import to_plain
 from pentimento.contracts.errors import ConfigError, ContractError
 from pentimento.contracts.images import encode_png, read_image
@@ -56,6 +57,16 @@ def commissioned(bundle: Path, actions: int = 4) -> ClayCommission:
 
 def sculpted(commission: ClayCommission, folder: Path, resume: bool = False) -> SculptureState:
     return run_sculpture(commission, folder, resume=resume, control=Control(), progress=Progress())
+
+
+def test_replay_of_a_sculpture_says_that_it_is_one_and_where_its_pictures_are(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    sculpted(commissioned(bundle, 1), out)
+    assert main(["replay", str(out)]) == 1
+    said = capsys.readouterr().err
+    assert f"{out} is a sculpture" in said and str(out / "sculpture.png") in said and (out / "sculpture.png").is_file()
 
 
 class Killed(BaseException):

@@ -25,6 +25,7 @@ from pentimento.robots.tools import load_tool
 from tests.bundle.line_brush import SIDE_M, journaled_sheet
 from tests.control.paintings import begun, session_of
 from tests.control.test_session import one_bar
+from tests.robots.machines import make_rig
 
 PEN = load_tool("marker")
 LINE = {"points": [[0.1, 0.9, 0.5], [0.9, 0.9, 0.5]], "color": None}
@@ -93,6 +94,18 @@ def test_drawing_that_is_too_large_for_the_plotter_is_saved_as_svg_alone(tmp_pat
     assert (tmp_path / "painting.svg").read_text().count("<path") == 1
 
 
+@pytest.mark.parametrize(("driver", "own"), [("gcode", True), ("grbl", True), ("xarm", False)])
+def test_gcode_is_for_the_paintings_own_plotter(driver: str, own: bool, tmp_path: Path) -> None:
+    path = [[0.0, 0.05, 0.1, -0.001, 0.0], [1.0, 0.1, 0.1, -0.001, 0.0]]
+    (tmp_path / "journal.jsonl").write_text(json.dumps(["move", [path]]) + "\n")
+    rig = make_rig(driver=driver, palette=None, machine={"pen": "z", "port": "/dev/null", "baud": 115200})
+    assert write_drawings(tmp_path, PEN, (0.3, 0.2), rig) == []
+    lines = (tmp_path / "painting.gcode").read_text().splitlines()
+    assert lines[0] == f"(rig: {'bench' if own else 'plotter_on_file'})"
+    heights = [float(found[1]) for line in lines if (found := re.search(r"Z(-?[\d.]+)", line))]
+    assert min(heights) == pytest.approx(49 if own else -11)  # 1 mm into the paper
+
+
 BRUSH = load_tool("round_brush")
 LOADS = [
     ("wipe", 0),
@@ -146,7 +159,7 @@ def test_gcode_of_a_brush_goes_to_the_well_at_each_dip_and_to_the_water_first(di
     wells, water = list(places.wells_m), len(places.wells_m)
     assert visits(lines, [*wells, places.water_m], -12.5) == [water, 0, 0, water, 1]
     assert lines.count("M0") == 1 and "well 1: #ff0000, well 2: #0000ff" in lines[lines.index("M0") - 1]
-    assert [line for line in lines if line.startswith("(")][1:] == [
+    assert [line for line in lines[lines.index("M0") :] if line.startswith("(")] == [
         "(wash and wipe)", "(dip: well 1)", "(dip: well 1)", "(wash and wipe)", "(dip: well 2)"
     ]  # fmt: skip
 
@@ -204,6 +217,27 @@ def test_replay_shows_the_start_each_turn_and_each_stroke(duet: tuple[Path, Pain
     last = read_image(folder / "painting.png")
     times = np.linspace(0, last.shape[0] - 1, side).round().astype(int)
     assert np.abs(frames[-1].picture.astype(int) - last[times][:, times]).mean() < 6
+
+
+def test_replay_ends_with_a_line_that_was_drawn_before_stop(tmp_path: Path) -> None:
+    robot, control = journaled_sheet(tmp_path), Control()
+    begun(robot, tmp_path)
+    high = {"points": [[0.1, 0.1, 0.5], [0.9, 0.1, 0.5]], "color": None}
+    orders = iter([("draw", json.dumps(LINE)), ("go on",), ("draw", json.dumps(high)), ("stop",)])
+    control.send("your turn")
+
+    def person(state: PaintingState) -> None:
+        if state.phase == "your turn":
+            control.send(*next(orders))
+
+    resume(session_of(robot, tmp_path, control, person, in_turns=True, in_studio=True))
+    robot.close()
+    *_, before, last = frames_of(tmp_path)
+    side = last.picture.shape[0]
+    new = before.picture.min(-1).astype(int) - last.picture.min(-1) > 60
+    # y of the page points down; the robot's own bar may cross the line.
+    assert last.caption == "Turn 2, yours" and before.caption.startswith("The robot’s stroke")
+    assert new[round(0.05 * side) : round(0.15 * side)].sum() > side and not new[round(0.2 * side) :].any()
 
 
 def test_replay_is_one_file_that_loads_nothing(duet: tuple[Path, PaintingState]) -> None:

@@ -227,7 +227,14 @@ def test_person_asks_for_something_new_and_chooses_one_of_the_goals(tmp_path: Pa
     assert done.phase == "done" and done.turns == 1 and "choosing" in phases
     asked = json.loads((tmp_path / "turns" / "001.json").read_text())
     assert asked.pop("expression") == asdict(PLAIN)
-    assert asked == {"number": 1, "words": "a bar", "executed_before": 3, "planned": done.executed - 3, "things": []}
+    assert asked == {
+        "number": 1,
+        "words": "a bar",
+        "executed_before": 3,
+        "planned": done.executed - 3,
+        "things": [],
+        "lines": 0,
+    }
     assert (read_image(tmp_path / "turns" / "001_goal.png") == done.goal).all()
     before = read_image(tmp_path / "turns" / "001.png")
     before = cv2.resize(before, done.canvas.shape[1::-1], interpolation=cv2.INTER_AREA).astype(int)
@@ -358,6 +365,24 @@ def test_what_waits_for_a_person_does_so_also_after_an_interruption(tmp_path: Pa
         resume(session_of(robot, tmp_path, control, person, in_turns=True, in_studio=True))
     assert load_state(tmp_path).phase == interrupted
     robot.close()
+
+
+def test_resumed_session_does_not_say_why_the_last_one_ended(tmp_path: Path) -> None:
+    robot, control, messages = journaled_sheet(tmp_path), Control(), []
+    begun(robot, tmp_path)
+    control.send("your turn")
+
+    def interrupt(state: PaintingState) -> None:
+        if state.phase == "your turn":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        resume(session_of(robot, tmp_path, control, interrupt, in_turns=True))
+    assert load_state(tmp_path).message == "Interrupted."
+    control.send("stop")
+    resume(session_of(robot, tmp_path, control, lambda state: messages.append(state.message), in_turns=True))
+    robot.close()
+    assert messages[0] == "The painting is resumed." and "Interrupted." not in messages
 
 
 def test_wish_that_is_not_understood_leaves_goal_and_turn_as_they_are(tmp_path: Path) -> None:

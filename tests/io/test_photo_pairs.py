@@ -5,6 +5,7 @@ import unicodedata
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
@@ -43,6 +44,13 @@ def test_converts_units_and_aligns_ink_with_the_path(tmp_path: Path) -> None:
         assert row["tool"] == "quill" and row["session"] == "paths" and row["order"] == row["action_id"] == number
         np.testing.assert_allclose(row["color_srgb"], [20 / 255, 20 / 255, 30 / 255], rtol=1e-6)
         assert row["window_m"][2] - row["window_m"][0] < 0.05  # what lies around the path, not the whole sheet
+
+
+def test_an_imported_table_is_read_as_the_guide_says(tmp_path: Path) -> None:
+    import_photo_pairs(record(tmp_path, 6), tmp_path / "photos", PLACE, "quill", tmp_path / "out")
+    assert {file.name for file in (tmp_path / "out").glob("[!.]*")} >= {"README.md", "contact_sheet.png"}
+    table = pq.read_table(sorted((tmp_path / "out").glob("*.parquet")))
+    assert table.num_rows == 6 and set(table.column_names) >= {"path", "before", "after"}
 
 
 def test_finds_photographs_as_cameras_and_other_systems_name_them(tmp_path: Path) -> None:

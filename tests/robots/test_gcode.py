@@ -95,7 +95,14 @@ def test_a_drawing_on_file_holds_the_strokes_and_ends_with_the_pen_up(tmp_path: 
     assert not target.exists()
     robot.close()
     lines = target.read_text().splitlines()
-    assert lines[:3] == ["G21", "G90", "G94"] and lines[-1].startswith("G1 ")
+    assert lines[:5] == [
+        "(rig: bench)",
+        "(units: mm, mm/min; absolute places in machine coordinates)",
+        "(sheet: 300.000 x 200.000 mm, lower left corner at x 400.000 mm, y 100.000 mm)",
+        "(sheet is turned by 90.000 deg about that corner)",
+        "(z 50.000 mm touches the paper, z 80.000 mm between strokes)",
+    ]
+    assert lines[5:8] == ["G21", "G90", "G94"] and lines[-1].startswith("G1 ")
     places_m, _ = parsed([line for line in lines if " Z" in line and " X" in line])
     on_paper = places_m[places_m[:, 2] < 0.05]
     # canvas (x, y, z) -> robot (0.4 − y, 0.1 + x, 0.05 + z)
@@ -111,7 +118,13 @@ def test_a_drawing_on_file_leaves_a_servo_up(tmp_path: Path) -> None:
     rig = make_rig(driver="gcode", palette=None, machine={"file": str(target), **pen})
     connect(rig).close()
     lines = target.read_text().splitlines()
+    assert lines[4] == "(no z: a servo lowers the pen by M3 S60 and raises it by M3 S30)"
     assert lines[-2:] == ["M3 S30", "G4 P0.25"] and "M5" not in lines
+
+
+def test_a_rigs_name_stays_within_its_comment(tmp_path: Path) -> None:
+    rig = make_rig(name="Plötter (2)\nG1 X0", driver="gcode", machine={"file": str(tmp_path / "a"), "pen": "z"})
+    assert connect(rig).text().splitlines()[0] == "(rig: Pl?tter [2] G1 X0)"
 
 
 def test_a_servo_that_is_up_below_down_is_refused(tmp_path: Path) -> None:

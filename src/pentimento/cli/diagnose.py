@@ -98,16 +98,28 @@ def _factory(name: str) -> Callable[[Path, int], Any]:
     module, _, function = name.partition(":")
     if not module or not function:
         raise ConfigError(f"--problem {name} is not of the form module:function, such as my_arm:problem.")
+    if module.endswith(".py") or len(Path(module).parts) > 1:
+        raise ConfigError(f"--problem {name} names a file; {_as_module(Path(module), function)}.")
     sys.path.insert(0, str(Path.cwd()))
     try:
         found = getattr(importlib.import_module(module), function, None)
     except ModuleNotFoundError as error:
         raise ConfigError(
-            f"--problem {name} cannot be imported: {error}. Start from the folder of {module}."
+            f"--problem {name} cannot be imported: {error}. Modules are looked up from the current folder, "
+            f"{Path.cwd()}."
         ) from error
     if not callable(found):
         raise ConfigError(f"--problem {name}: the module {module} has no function {function}.")
     return found
+
+
+def _as_module(file: Path, function: str) -> str:
+    """What to write instead of a file, in words."""
+    file = file.resolve().with_suffix("")
+    if file.is_relative_to(Path.cwd()):
+        dotted = ".".join(file.relative_to(Path.cwd()).parts)
+        return f"write --problem {dotted}:{function}, from the current folder"
+    return f"go to {file.parent} and write --problem {file.name}:{function}"
 
 
 def _left_out(checked: CheckedTable) -> str | None:

@@ -342,7 +342,9 @@ COMMANDS = (
             ),
             option("--y-up", action="store_true", exclusive="y", help="y grows upwards in pen strokes and .npz"),
             option("--tool", metavar="NAME", help="that made the strokes"),
-            option("--out", required=True, type=Path, metavar="FOLDER", help="for the table and its data card"),
+            option(
+                "--out", required=True, type=Path, metavar="FOLDER", help="for the table, README.md and contact sheet"
+            ),
         ),
         _import,
     ),

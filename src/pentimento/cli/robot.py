@@ -99,6 +99,11 @@ def _run(arguments: argparse.Namespace) -> None:
     if arguments.resume is None:
         commission = replace(commission, expression=expression)
     turns = Turns(arguments.turns, arguments.choices or 1)
+    if turns.in_turns and not (arguments.page or sys.stdin.isatty()):
+        raise ConfigError(
+            "With --turns the robot waits for a person, and nobody can say whose turn it is: there is no terminal and "
+            "no page. Start it at a terminal, or give --page."
+        )
     wish = text if arguments.resume is not None else ""
     _paint(
         commission, folder, calibration=arguments.calibration, has_page=arguments.page, turns=turns, wish=wish,
@@ -186,8 +191,16 @@ def _studio(arguments: argparse.Namespace) -> None:
 
 def _replay(arguments: argparse.Namespace) -> None:
     from pentimento.contracts.atomic import command_page
+    from pentimento.control.checkpoint import has_sculpture
     from pentimento.control.replay import REPLAY, replay_page
 
+    if has_sculpture(arguments.folder):
+        from pentimento.control.run_sculpture import PICTURE, PREVIEW
+
+        raise ConfigError(
+            f"{arguments.folder} is a sculpture, and a replay shows a painting. The sculpture's pictures are "
+            f"{arguments.folder / PREVIEW} and, at its end, {arguments.folder / PICTURE}."
+        )
     place = arguments.out or arguments.folder / REPLAY
     command_page(place, replay_page(arguments.folder), "pentimento replay")
     print(f"The replay is {place}; open it in a browser.")

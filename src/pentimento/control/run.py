@@ -189,7 +189,7 @@ def run(
         # What a person draws on the page is seen by the studio's camera alone.
         has_pen = is_in_studio(commission.robot, commission.execute) and (rig is None or rig.camera is not None)
         pen = _pen(tool, canvas_size_m) if has_pen else None
-        saved = saved_files(folder, tool, canvas_size_m)
+        saved = saved_files(folder, tool, canvas_size_m, rig)
         served = None if page is None else Page(folder, control, pen, saved, listen, sorted(bundle.hands))
         try:
             if page is not None and served is not None:
@@ -227,7 +227,7 @@ def run(
                         if tool.dips:
                             progress.message(planned.message)
                     ended = resume_session(session, wish if ended is None else "", expression)
-            for message in write_drawings(folder, tool, canvas_size_m):
+            for message in write_drawings(folder, tool, canvas_size_m, rig):
                 progress.message(message)
             if ended.phase == "done":
                 _write_summary(folder, context, ended)

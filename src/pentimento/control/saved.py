@@ -25,7 +25,7 @@ from pentimento.control.replay import REPLAY, replay_page
 from pentimento.robots.gcode import GcodeFile
 from pentimento.robots.gcode import connect as gcode_file
 from pentimento.robots.hardware import HardwareRobot
-from pentimento.robots.rig import Palette, load_rig
+from pentimento.robots.rig import Palette, Rig, load_rig
 from pentimento.robots.svg import SvgPlotter
 from pentimento.robots.tools import Tool, same_colour
 
@@ -35,7 +35,9 @@ DRAWING: Final = "painting.svg"
 GCODE: Final = "painting.gcode"
 RECORDING: Final = "recording.zip"
 _PLOTTER: Final = "plotter_on_file"
-"""The rig that G-code is written for."""
+"""The rig that G-code is written for, where the painting's own robot reads none."""
+_OWN_DRIVERS: Final = ("gcode", "grbl")
+"""Drivers of rigs that read G-code, and whose pens are named alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,23 +54,28 @@ class MadeStroke:
     """Whether the tool was washed and wiped before that dip."""
 
 
-def saved_files(folder: Path, tool: Tool, canvas_size_m: tuple[float, float]) -> Mapping[str, Callable[[], bytes]]:
-    """Functions that give the content of each file that can be saved, by its name.
+def saved_files(
+    folder: Path, tool: Tool, canvas_size_m: tuple[float, float], rig: Rig | None = None
+) -> Mapping[str, Callable[[], bytes]]:
+    """Functions that give the content of each file that can be saved, by its name; `rig`: see `gcode_of`.
 
     They may be called at any time, also while the robot paints, and raise PentimentoError where there is nothing to
     save.
     """
     return {
         PHOTOGRAPH: partial(_read, folder / PHOTOGRAPH),
-        DRAWING: lambda: drawing_of(made_strokes(folder, tool), tool, canvas_size_m),
-        GCODE: lambda: gcode_of(made_strokes(folder, tool), tool),
+        DRAWING: lambda: drawing_of(made_strokes(folder, tool), tool, canvas_size_m, rig),
+        GCODE: lambda: gcode_of(made_strokes(folder, tool), tool, rig),
         RECORDING: lambda: recording_of(folder),
         REPLAY: lambda: replay_page(folder).encode(),
     }
 
 
-def write_drawings(folder: Path, tool: Tool, canvas_size_m: tuple[float, float]) -> list[str]:
+def write_drawings(folder: Path, tool: Tool, canvas_size_m: tuple[float, float], rig: Rig | None = None) -> list[str]:
     """Write the drawing into the painting's folder, as SVG and as G-code; nothing where no stroke was made.
+
+    Args:
+        rig: see `gcode_of`.
 
     Returns:
         Sentences for the person, such as that the sheet is too large for the plotter.
@@ -76,9 +83,9 @@ def write_drawings(folder: Path, tool: Tool, canvas_size_m: tuple[float, float])
     strokes = made_strokes(folder, tool)
     if not strokes:
         return []
-    atomic_write(folder / DRAWING, drawing_of(strokes, tool, canvas_size_m))
+    atomic_write(folder / DRAWING, drawing_of(strokes, tool, canvas_size_m, rig))
     try:
-        atomic_write(folder / GCODE, gcode_of(strokes, tool))
+        atomic_write(folder / GCODE, gcode_of(strokes, tool, rig))
     except PentimentoError as error:
         return [f"There is no {GCODE}: {error}"]
     return []
@@ -101,15 +108,17 @@ def made_strokes(folder: Path, tool: Tool) -> list[MadeStroke]:
     ]
 
 
-def drawing_of(strokes: list[MadeStroke], tool: Tool, canvas_size_m: tuple[float, float]) -> bytes:
+def drawing_of(
+    strokes: list[MadeStroke], tool: Tool, canvas_size_m: tuple[float, float], rig: Rig | None = None
+) -> bytes:
     """An SVG drawing, in millimetres. With a tool that dips, each dip begins a layer with the visit to the well, at the
-    places of the rig `plotter_on_file`; without visits where these lie on the sheet or are too few.
+    places of the rig of `gcode_of`; without visits where these lie on the sheet or are too few.
 
     Raises:
         ConfigError: there is no stroke.
     """
     _check_any(strokes)
-    places = _places(strokes, tool, canvas_size_m)
+    places = _places(strokes, tool, canvas_size_m, _plotter(rig))
     plotter = SvgPlotter(Path(DRAWING), canvas_size_m, places)
     plotter.change_tool(replace(tool, color_srgb=None, strokes_per_dip=1))  # the strokes have their colours
     paints = _paints(strokes)
@@ -123,9 +132,12 @@ def drawing_of(strokes: list[MadeStroke], tool: Tool, canvas_size_m: tuple[float
     return plotter.document().encode()
 
 
-def gcode_of(strokes: list[MadeStroke], tool: Tool) -> bytes:
-    """G-code for the rig `plotter_on_file`. With a tool that dips, it pauses (M0) until the wells are filled, and goes
-    to the water, the cloth and the wells where the robot did.
+def gcode_of(strokes: list[MadeStroke], tool: Tool, rig: Rig | None = None) -> bytes:
+    """G-code. With a tool that dips, it pauses (M0) until the wells are filled, and goes to the water, the cloth and
+    the wells where the robot did.
+
+    Args:
+        rig: the painting's; G-code is for it, if its machine reads any, and otherwise for the rig `plotter_on_file`.
 
     Raises:
         ConfigError: there is no stroke.
@@ -133,7 +145,7 @@ def gcode_of(strokes: list[MadeStroke], tool: Tool) -> bytes:
         EnvelopeViolation: a stroke lies outside the plotter's reach.
     """
     _check_any(strokes)
-    rig = load_rig(_PLOTTER)
+    rig = _plotter(rig)
     file: GcodeFile = gcode_file(rig)
     robot, paints = HardwareRobot(file, rig, file.pause), _paints(strokes)
     if tool.dips:
@@ -150,6 +162,14 @@ def gcode_of(strokes: list[MadeStroke], tool: Tool) -> bytes:
     return file.text().encode()
 
 
+def _plotter(rig: Rig | None) -> Rig:
+    """The rig that a painting's G-code is for, as a file."""
+    if rig is None or rig.driver not in _OWN_DRIVERS:
+        return load_rig(_PLOTTER)
+    pen = {key: value for key, value in rig.machine.items() if key in ("pen", "servo_up", "servo_down")}
+    return replace(rig, driver="gcode", machine={"file": GCODE, **pen})
+
+
 def _paints(strokes: list[MadeStroke]) -> FloatArray:
     """[K, 3]: the colours of the strokes, in the order of first use."""
     paints = list[FloatArray]()
@@ -163,10 +183,9 @@ def _paint_of(stroke: MadeStroke, paints: FloatArray) -> int:
     return next(number for number, paint in enumerate(paints) if same_colour(stroke.color_srgb, paint))
 
 
-def _places(strokes: list[MadeStroke], tool: Tool, canvas_size_m: tuple[float, float]) -> Palette | None:
+def _places(strokes: list[MadeStroke], tool: Tool, canvas_size_m: tuple[float, float], rig: Rig) -> Palette | None:
     """Where a plotter's paints stand; None for a tool that is not dipped, for a sheet that reaches there, and where
     there are more colours than wells."""
-    rig = load_rig(_PLOTTER)
     places, (width_m, height_m) = rig.palette, canvas_size_m
     fits = width_m <= rig.canvas_size_m[0] and height_m <= rig.canvas_size_m[1]
     enough = places is not None and len(_paints(strokes)) <= len(places.wells_m)

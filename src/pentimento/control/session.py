@@ -177,7 +177,9 @@ class _StrokeByStroke:
         resumed = self._resumed(state, canvas) if state.sessions else replace(state, canvas=canvas)
         if not state.sessions:
             note_turn(self.at, resumed)
-        return self.at.checkpoint(replace(resumed, phase=phase, sessions=state.sessions + 1))
+        # Why the last session ended is no news; that strokes were undone is.
+        message = "The painting is resumed." if state.sessions and phase != "undone" else state.message
+        return self.at.checkpoint(replace(resumed, phase=phase, message=message, sessions=state.sessions + 1))
 
     def outcome(self, state: PaintingState) -> str | None:
         """See ``control.loop.Task``: the final message."""

@@ -46,6 +46,8 @@ class Turn:
     """What was asked for, and where on the largest centred square of the canvas; empty where that is not known."""
     expression: Expression = PLAIN
     """How the words are painted."""
+    lines: int = 0
+    """Number of lines that the person had drawn on the page, also those that were refused."""
 
 
 def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[PaintingState, Interrupt]:
@@ -60,7 +62,7 @@ def take_turn(at: Workplace, state: PaintingState, order: Order) -> tuple[Painti
                 case "your turn" | "pause":  # also again: the page waits for an answer to every command
                     state = at.rest(state, "your turn", f"{order.value} {_invitation(state)}".strip())
                 case "stop":
-                    return state, "stop"
+                    return _end_of_turn(at, state) if _may_be_new(at, state) else state, "stop"
                 case "undo":
                     check_undo(at.session.folder, state, in_studio=at.session.traits.in_studio)
                     message = "The robot's last strokes are being undone."
@@ -85,7 +87,7 @@ def note_turn(at: Workplace, state: PaintingState) -> None:
         write_png(at.session.folder / TURNS / f"{state.turns:03d}.png", at.photograph(state, PIXELS_PER_M))
         is_told = state.turns == 0 and (at.session.folder / TURNS / "000.json").exists()  # what was asked for first
         if not is_told:
-            write_turn(at.session.folder, Turn(state.turns, "", state.executed, 0))
+            write_turn(at.session.folder, Turn(state.turns, "", state.executed, 0, lines=state.lines))
 
 
 def write_turn(folder: Path, turn: Turn) -> None:
@@ -145,6 +147,13 @@ def _invitation(state: PaintingState) -> str:
     return "It is your turn: draw, or say what to add. Stop ends the painting."
 
 
+def _may_be_new(at: Workplace, state: PaintingState) -> bool:
+    """Whether the sheet may show something of the person's that no noted turn does."""
+    if at.session.traits.in_studio:
+        return state.lines > max((turn.lines for turn in read_turns(at.session.folder)), default=0)
+    return at.camera is not None and state.phase == "your turn"
+
+
 def _end_of_turn(at: Workplace, state: PaintingState) -> PaintingState:
     """Observe what the person painted."""
     message = "The robot goes on." if at.camera is None else "The robot looks at what you painted."
@@ -172,7 +181,7 @@ def _wished(at: Workplace, state: PaintingState, words: str, expression: Express
     forget(session.folder)
     state = at.checkpoint(replace(state, phase="painting", message="The robot plans its strokes."))
     at.watchdog.beat(PLAN_S, "a new plan")
-    turn = Turn(state.turns, words, state.executed, 0, tuple(things), expression)
+    turn = Turn(state.turns, words, state.executed, 0, tuple(things), expression, state.lines)
     context = at.context.about(_taught(turn), expression)
     remaining, palette = first_plan(
         context.in_hand(session.control.hand), state.canvas, goal, count=session.strokes,

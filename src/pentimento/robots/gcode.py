@@ -6,7 +6,8 @@ with its own feed, so that the machine keeps the path's times as far as its acce
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -106,12 +107,12 @@ def _line(place_m: FloatArray, length_m: Any, duration_s: Any, with_z: bool) -> 
 class GcodeFile:
     """A Machine (see machine.py) that writes the commands for a plotter into a file; nothing moves."""
 
-    def __init__(self, path: Path, pen: Pen, start_m: FloatArray) -> None:
-        """`start_m` [3]: the tip's assumed place at the start, robot's frame, with the pen up."""
+    def __init__(self, path: Path, pen: Pen, start_m: FloatArray, header: Sequence[str] = ()) -> None:
+        """`start_m` [3]: the tip's assumed place at the start, robot's frame, with the pen up. `header`: comments."""
         self._path, self._pen, self._here = path, pen, np.array(start_m, dtype=np.float64)
         x, y, z = (f"{1000 * value:.3f}" for value in self._here)
         rise = [f"G1 Z{z} F600"] if pen.kind == "z" else list(servo_lines(pen, down=False))
-        self._lines = [*PREAMBLE, *rise, f"G1 X{x} Y{y} F3000"]
+        self._lines = [*map(_comment, header), *PREAMBLE, *rise, f"G1 X{x} Y{y} F3000"]
 
     def where(self) -> FloatArray:
         return positions_only(self._here)
@@ -135,7 +136,7 @@ class GcodeFile:
 
     def note(self, what: str) -> None:
         """A comment before the commands that follow."""
-        self._lines.append("(" + what.translate(_NO_BRACKETS) + ")")
+        self._lines.append(_comment(what))
 
     def pause(self, why: str) -> None:
         """Wait for the person, where the tool is, until the controller is told to go on."""
@@ -148,4 +149,26 @@ def connect(rig: Rig) -> GcodeFile:
     optional = frozenset({"servo_up", "servo_down"})
     check_keys(rig.machine, frozenset({"file", "pen"}), optional, f"[machine] of rig {rig.name}")
     above = rig.canvas_to_robot @ np.array([0.0, 0.0, rig.travel_height_m, 1.0])
-    return GcodeFile(Path(rig.machine["file"]), pen_of(rig.machine, rig), above[:3])
+    pen = pen_of(rig.machine, rig)
+    return GcodeFile(Path(rig.machine["file"]), pen, above[:3], _header(rig, pen))
+
+
+def _header(rig: Rig, pen: Pen) -> list[str]:
+    """What a person checks before sending the file. Axes are in lower case: no reader may take them for commands."""
+    lengths_m = (*rig.canvas_size_m, *rig.origin_m, rig.origin_m[2] + rig.travel_height_m)
+    width, height, x, y, z, up = (f"{1000 * length_m:.3f}" for length_m in lengths_m)
+    heights = f"z {z} mm touches the paper, z {up} mm between strokes"
+    if pen.kind == "servo":
+        heights = f"no z: a servo lowers the pen by M3 S{pen.down} and raises it by M3 S{pen.up}"
+    return [
+        f"rig: {rig.name}",
+        "units: mm, mm/min; absolute places in machine coordinates",
+        f"sheet: {width} x {height} mm, lower left corner at x {x} mm, y {y} mm",
+        f"sheet is turned by {math.degrees(rig.turn_rad[2]):.3f} deg about that corner",
+        heights,
+    ]
+
+
+def _comment(what: str) -> str:
+    """One line of ASCII, which all controllers pass over."""
+    return "(" + " ".join(what.translate(_NO_BRACKETS).split()).encode("ascii", "replace").decode() + ")"
