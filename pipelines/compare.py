@@ -5,9 +5,12 @@ python -m pipelines.compare --last 2          the last two executions of one pro
 python -m pipelines.compare --last 2 --stage train_stroke_dynamics@marker
 python -m pipelines.compare --seeds           the last two groups of `make repro SEEDS=5 STAGE=…`
 python -m pipelines.compare --check           do MLflow and dvc.lock agree?
+python -m pipelines.compare --metrics FILE    every metric of the last execution, or of a RUN, as a CSV file
 """
 
 import argparse
+import csv
+import io
 import os
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -36,6 +39,9 @@ def main(arguments: argparse.Namespace) -> None:
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")  # a line for each picture
     with store_errors():
         history = History()
+        if arguments.metrics is not None:
+            _write_metrics(history, arguments.runs, arguments.metrics)
+            return
         if two := _chosen_groups(history, arguments):
             file, words = _of_groups(history, *two, arguments.out)
             print(f"{words}\n\nThe page:  {file}")
@@ -47,6 +53,22 @@ def main(arguments: argparse.Namespace) -> None:
     atomic_write(file, page(comparison).encode())
     print(text(comparison))
     print(f"\nThe page:  {file}")
+
+
+def _write_metrics(history: History, named: Sequence[str], file: Path) -> None:
+    """Write stage, run, metric and value of each figure of one run or execution; without a name, of the last one."""
+    if len(named) > 1:
+        raise PentimentoError(f"--metrics writes one run or execution, and the command names {len(named)}.")
+    if not named and not history.executions:
+        raise PentimentoError("MLflow's store has no execution; run `make repro`, or name a run.")
+    of = history.find(named[0]) if named else history.executions[0]
+    runs = [of] if isinstance(of, StageRun) else list(history.of_execution(of).values())
+    rows = [(run.name, run.id, metric, value) for run in runs for metric, value in sorted(run.metrics.items())]
+    text_of_table = io.StringIO()
+    csv.writer(text_of_table, lineterminator="\n").writerows([("stage", "run", "metric", "value"), *rows])
+    file.parent.mkdir(parents=True, exist_ok=True)
+    atomic_write(file, text_of_table.getvalue().encode())
+    print(f"{len(rows)} metrics of {len(runs)} stage runs are in {file}.")
 
 
 def _chosen_groups(history: History, arguments: argparse.Namespace) -> tuple[Group, Group] | None:
@@ -177,6 +199,7 @@ if __name__ == "__main__":
     parser.add_argument("--stage", help="a stage, or stage@item; with --check, the only one that is checked")
     parser.add_argument("--seeds", action="store_true", help="the last two groups of seeds, of --stage if it is given")
     parser.add_argument("--check", action="store_true", help="compare dvc.lock with MLflow, and files with both")
+    parser.add_argument("--metrics", type=Path, metavar="FILE", help="write every metric of one side as CSV instead")
     parser.add_argument("--profile", default="default", help="of --check: whose dvc.lock")
     parser.add_argument("--out", type=Path, default=COMPARISONS, help="folder for the page")
     stage_main(main, parser)

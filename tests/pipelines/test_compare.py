@@ -1,6 +1,7 @@
 """Two executions whose difference is known, compared by the command: what it says, and what it refuses."""
 
 import argparse
+import csv
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -42,12 +43,20 @@ def ask(
     last: int | None = None,
     stage: str | None = None,
     check: bool = False,
+    metrics: Path | None = None,
     seeds: bool = False,
     profile: str = "default",
 ) -> None:
     compare.main(
         argparse.Namespace(
-            runs=runs, last=last, stage=stage, check=check, seeds=seeds, profile=profile, out=Path("data/comparisons")
+            runs=runs,
+            last=last,
+            stage=stage,
+            check=check,
+            seeds=seeds,
+            profile=profile,
+            metrics=metrics,
+            out=Path("data/comparisons"),
         )
     )
 
@@ -237,3 +246,17 @@ def test_runs_of_different_tasks_have_no_better_side(
     (figure,) = difference.figures
     assert figure.sentence.startswith(sentence)
     assert (figure.better == "B") == (sentence == "B is better")
+
+
+def test_every_metric_of_the_last_execution_is_in_one_table(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ask(metrics=tmp_path / "new/metrics.csv")
+    with (tmp_path / "new/metrics.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    runs = History().of_execution(History().executions[0])
+    assert {(row["stage"], row["run"]) for row in rows} == {(name, run.id) for name, run in runs.items()}
+    assert {row["metric"]: float(row["value"]) for row in rows if row["stage"] == "paint"} == runs["paint"].metrics
+    assert capsys.readouterr().out.startswith(f"{len(rows)} metrics of 2 stage runs are in ")
+    with pytest.raises(PentimentoError, match="the command names 2"):
+        ask("first", "second", metrics=tmp_path / "metrics.csv")
