@@ -19,6 +19,8 @@ from pipelines._io import end_with_parent
 from pipelines._params import overlaid, read_yaml, reseeded
 from pipelines._repro import STATUS, name_files_of, overlay_with, restore_missing
 from pipelines._review.agreement import link
+from pipelines._review.groups import groups, spread
+from pipelines._review.history import History
 from pipelines._side_by_side import items_of
 from pipelines._tracking.families import experiment_of, family_of
 from pipelines._tracking.run import code_tags
@@ -57,11 +59,17 @@ def main(arguments: list[str]) -> int:
             status = _run(root, target, profile, group=group, number=number)
             if status != 0:
                 return status
+        with store_errors():
+            history = History()
+            known = groups(history)
+            lines = [line for each in known if each.name == group for line in spread(history, each)]
     except (PentimentoError, OSError) as error:
         print(f"make repro: {error}", file=sys.stderr)
         return 1
+    print("\n".join(["", "Mean ± standard deviation over the seeds:", *lines] if lines else []))
     print(f"\nThe group:   {group}")
-    print("Against the group before: .venv/bin/python -m pipelines.compare --seeds")
+    if sum((each.stage, each.profile) == (target, profile or "default") for each in known) > 1:
+        print(f"Against the group before: .venv/bin/python -m pipelines.compare --seeds --stage {target}")
     return 0
 
 

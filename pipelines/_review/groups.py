@@ -141,6 +141,19 @@ def _over_items(history: History, name: str, a: Sequence[StageRun], b: Sequence[
     return (0, 0.0) if estimate is None else (len(of_a), (estimate.high - estimate.low) / 2)
 
 
+def spread(history: History, group: Group) -> list[str]:
+    """Return a line for each stage item's main figure, and one for its baseline, over the seeds of one group."""
+    runs = [_runs(history, group, seed) for seed in sorted(group.members)]
+    lines = []
+    for name, first in runs[0].items():
+        headline = HEADLINES.get(first.stage)
+        for metric in filter(None, (headline.metric, headline.baseline) if headline else ()):
+            values = [run[name].metrics[metric] for run in runs if name in run and metric in run[name].metrics]
+            if len(values) == len(runs) > 1:
+                lines.append(f"{name}: {metric} {_mean(values)} ({', '.join(f'{value:.4g}' for value in values)})")
+    return lines
+
+
 def table(figures_: Sequence[SeedFigure]) -> str:
     """Return the table for the terminal."""
     lines = [("stage", "figure", "A", "B", "B − A, 95 % interval", "verdict"), *map(columns, figures_)]

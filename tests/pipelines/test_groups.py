@@ -18,7 +18,7 @@ from pipelines import _seeds
 from pipelines._imports import ROOT
 from pipelines._params import reseeded, resolved
 from pipelines._review.group_page import group_page
-from pipelines._review.groups import SeedFigure, compare_groups, groups, table
+from pipelines._review.groups import SeedFigure, compare_groups, groups, spread, table
 from pipelines._review.history import Execution, History, StageRun
 from pipelines._tracking.store import store_errors
 from tests.pipelines.test_queue import FILES, run
@@ -102,6 +102,14 @@ def test_the_page_has_every_figure_with_its_interval_and_the_pictures_of_each_se
     assert re.findall(r'<th scope="row">(\d)</th>', page) == ["0", "1", "2"] and "−0.099" in page
     assert re.findall(r"<summary>.*(\d)</summary>", page) == ["0", "2"] and page.count("<img ") == 2 * 3
     assert all(b64encode(png).decode() in page for png in pictures.values()) and "http" not in page
+
+
+def test_one_group_shows_how_much_the_main_figure_depends_on_the_seed() -> None:
+    history: Any = Made([0.2, 0.3, 0.4], [0.1])
+    (group,) = (group for group in groups(history) if len(group.members) == 3)
+    first, baseline = spread(history, group)
+    assert first == f"train_stroke_dynamics@marker: {NAME} 0.3 ± 0.1 (0.2, 0.3, 0.4)"
+    assert "held_out.polyline.mse 0.4 ± " in baseline and baseline.endswith("(0.4, 0.4, 0.4)")
 
 
 def test_two_seeds_are_too_few() -> None:
