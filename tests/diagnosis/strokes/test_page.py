@@ -80,5 +80,5 @@ def test_page_states_missing_covariates_and_questions(written: Written) -> None:
     bare = replace(written.screening, covariates=(), base_strength=nothing, extended_strength=nothing, dependence=())
     page = build_page(written.result, bare, Proposal((), (), {}), verdict(written.result))
     html = page["report.html"].decode()
-    assert "cannot be tested" in html and "no quantity needs to be measured better" in html
+    assert "cannot be tested" in html and "no standard error needs to decrease" in html
     assert not {"figures/modes.png", "figures/next_actions.png"} & set(page)
