@@ -188,7 +188,8 @@ def _id(of: StageRun | Execution) -> str:
     return of.id if isinstance(of, StageRun) else of.ids[0]
 
 
-if __name__ == "__main__":
+def command_line() -> argparse.ArgumentParser:
+    """The options of ``main``."""
     parser = argparse.ArgumentParser(
         prog="compare", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -202,4 +203,8 @@ if __name__ == "__main__":
     parser.add_argument("--metrics", type=Path, metavar="FILE", help="write every metric of one side as CSV instead")
     parser.add_argument("--profile", default="default", help="of --check: whose dvc.lock")
     parser.add_argument("--out", type=Path, default=COMPARISONS, help="folder for the page")
-    stage_main(main, parser)
+    return parser
+
+
+if __name__ == "__main__":
+    stage_main(main, command_line())

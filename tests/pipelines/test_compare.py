@@ -1,6 +1,5 @@
 """Two executions whose difference is known, compared by the command: what it says, and what it refuses."""
 
-import argparse
 import csv
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,27 +37,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory, enter: Enter) -> Iterator[P
         yield folder
 
 
-def ask(
-    *runs: str,
-    last: int | None = None,
-    stage: str | None = None,
-    check: bool = False,
-    metrics: Path | None = None,
-    seeds: bool = False,
-    profile: str = "default",
-) -> None:
-    compare.main(
-        argparse.Namespace(
-            runs=runs,
-            last=last,
-            stage=stage,
-            check=check,
-            seeds=seeds,
-            profile=profile,
-            metrics=metrics,
-            out=Path("data/comparisons"),
-        )
-    )
+def ask(*words: object) -> None:
+    """What `python -m pipelines.compare` does with these words."""
+    compare.main(compare.command_line().parse_args([str(word) for word in words]))
 
 
 def test_executions_are_compared_stage_by_stage(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -80,7 +61,7 @@ def test_executions_are_compared_stage_by_stage(folder: Path, capsys: pytest.Cap
 
 
 def test_luck_is_called_luck_and_the_last_two_are_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ask(last=2)
+    ask("--last", 2)
     said = capsys.readouterr().out
     assert said.startswith("A  second") and "\nB  third" in said
     assert "may be luck: B − A" in said
@@ -104,27 +85,29 @@ def test_single_runs_are_compared_by_the_first_letters_of_their_ids(
     ask(oldest.id[:12], newest.id[:12])
     by_id = capsys.readouterr().out
     assert "train_stroke_dynamics@marker: B is better; beyond luck" in by_id
-    ask(last=2, stage="train_stroke_dynamics@marker")
+    ask("--last", 2, "--stage", "train_stroke_dynamics@marker")
     assert "may be luck" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
-    ("runs", "options", "sentence"),
+    ("words", "sentence"),
     [
-        (("first",), {}, "Two runs are compared and the command names 1;"),
-        (("first", "nothing"), {}, "No run or execution is called 'nothing'.*'third', 'second', 'first'"),
-        (("first", "train_stroke_dynamics · marker"), {}, "may be any of 3 runs"),
-        (("first",), {"last": 2}, "--last takes the number 2 and no other runs"),
-        ((), {"last": 2, "stage": "paint"}, "Two finished runs of paint are compared and MLflow's store has 1;"),
-        ((), {"last": 2, "stage": "train_stroke_dynamics@markr"}, "it has runs of train_stroke_dynamics@marker."),
-        ((), {"last": 2, "stage": "pain"}, "no run of 'pain'; it has runs of paint."),
+        ("first", "Two runs are compared and the command names 1;"),
+        ("first nothing", "No run or execution is called 'nothing'.*'third', 'second', 'first'"),
+        ("first --last 2", "--last takes the number 2 and no other runs"),
+        ("--last 2 --stage paint", "Two finished runs of paint are compared and MLflow's store has 1;"),
+        ("--last 2 --stage train_stroke_dynamics@markr", "it has runs of train_stroke_dynamics@marker."),
+        ("--last 2 --stage pain", "no run of 'pain'; it has runs of paint."),
     ],
 )
-def test_what_cannot_be_compared_is_one_sentence(
-    folder: Path, runs: tuple[str, ...], options: dict[str, object], sentence: str
-) -> None:
+def test_what_cannot_be_compared_is_one_sentence(folder: Path, words: str, sentence: str) -> None:
     with pytest.raises(PentimentoError, match=sentence):
-        ask(*runs, **options)  # type: ignore[arg-type]
+        ask(*words.split())
+
+
+def test_a_name_of_several_runs_names_none(folder: Path) -> None:
+    with pytest.raises(PentimentoError, match="may be any of 3 runs"):
+        ask("first", "train_stroke_dynamics · marker")
 
 
 def test_executions_are_parents_that_carry_the_main_figures_and_what_stood(folder: Path) -> None:
@@ -152,9 +135,9 @@ def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
 ) -> None:
     files: dict[str, str] = {}  # this dvc.lock is too short for DVC itself
     monkeypatch.setattr(compare, "altered", lambda _folder: files)
-    ask(check=True)
+    ask("--check")
     assert capsys.readouterr().out == "MLflow and dvc.lock agree on all 2 stage items.\n"
-    ask(check=True, stage="paint")
+    ask("--check", "--stage", "paint")
     (run,) = (run for run in History().of_execution(History().executions[0]).values() if run.name == "paint")
     said = capsys.readouterr().out.splitlines()
     assert said[0] == f"paint: written by the run {run.id}, and not changed since." and "all 1 stage" in said[1]
@@ -172,7 +155,7 @@ def test_mlflow_and_dvc_agree_until_one_of_them_is_changed(
             assert len(agreeing) == 1 and said.startswith("train_stroke_dynamics@marker: ") and sentence in said
         files["paint"] = "paint: data/paintings is not what dvc.lock has."
         with pytest.raises(PentimentoError, match=r"disagree on 1 of 2 stage items.* Files of 1 of the stage items"):
-            ask(check=True)
+            ask("--check")
         assert capsys.readouterr().out.endswith(f"{files['paint']}\n")
     finally:
         Path("dvc.lock").write_text(lock)
@@ -220,7 +203,7 @@ def test_a_stage_that_an_interrupted_execution_did_not_reach_is_not_called_the_s
 
 def test_a_stage_that_never_ran_is_missing(folder: Path) -> None:
     with pytest.raises(PentimentoError, match=r"smoke has no dvc.lock.* another profile: `--profile default`"):
-        ask(check=True, profile="smoke")
+        ask("--check", "--profile", "smoke")
     agreeing, said = check(folder, "smoke")
     assert not agreeing and len(said) == 2 and all("MLflow has no finished run of it" in each for each in said)
 
@@ -251,7 +234,7 @@ def test_runs_of_different_tasks_have_no_better_side(
 def test_every_metric_of_the_last_execution_is_in_one_table(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ask(metrics=tmp_path / "new/metrics.csv")
+    ask("--metrics", tmp_path / "new/metrics.csv")
     with (tmp_path / "new/metrics.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     runs = History().of_execution(History().executions[0])
@@ -259,4 +242,4 @@ def test_every_metric_of_the_last_execution_is_in_one_table(
     assert {row["metric"]: float(row["value"]) for row in rows if row["stage"] == "paint"} == runs["paint"].metrics
     assert capsys.readouterr().out.startswith(f"{len(rows)} metrics of 2 stage runs are in ")
     with pytest.raises(PentimentoError, match="the command names 2"):
-        ask("first", "second", metrics=tmp_path / "metrics.csv")
+        ask("first", "second", "--metrics", tmp_path / "metrics.csv")

@@ -141,16 +141,7 @@ def test_a_runs_page_says_what_it_was_and_its_pictures_are_three_clicks_away(
 def test_is_it_luck_is_one_command(
     server: str, tab: Browser, screenshots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    parser_like = {
-        "runs": (),
-        "last": 2,
-        "stage": None,
-        "check": False,
-        "seeds": False,
-        "profile": "default",
-        "out": tmp_path,
-    }
-    compare.main(compare.argparse.Namespace(**parser_like))
+    compare.main(compare.command_line().parse_args(["--last", "2", "--out", str(tmp_path)]))
     assert "B is better; beyond luck" in capsys.readouterr().out
     (page,) = tmp_path.glob("*.html")
     tab.goto(page.as_uri())
