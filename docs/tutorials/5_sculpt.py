@@ -98,13 +98,13 @@ goal = fit_goal(relief, before, fit).height_m
 # %% [markdown]
 # ## Plan, push, scan
 #
-# The planner samples sequences of four pushes, evaluates them with the model, and improves them by gradient. After
+# The planner compares pushes at all places, evaluates the best of them with the model, and improves the best one. After
 # every two pushes the robot scans the foam and replans.
 
 # %%
 planner = SculptorConfig(
-    weights=Weights(error_3d=1.0, visual=4.0), disagreement_weight=0.0, horizon=4, candidates=16, rounds=1,
-    guided_share=0.8, refine="gradient", iterations=2, learning_rates=PushRates(0.002, 0.15, 0.003, 0.0006), samples=4,
+    weights=Weights(error_3d=1.0, visual=4.0), disagreement_weight=0.0, horizon=4, screened=12, candidates=8,
+    rounds=0, guided_share=0.8, refine="newton", iterations=2, learning_rates=PushRates(0.002, 0.15, 0.003, 0.0006), samples=4,
     elite_share=0.5, min_relative_gain=0.001, edge_m=0.012, seed=0,
 )  # fmt: skip
 result = sculpt(

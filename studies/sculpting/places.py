@@ -91,9 +91,9 @@ def main(arguments: argparse.Namespace) -> None:
 
 
 def coarse(given: Settings) -> Settings:
-    """The settings with coarser scans and fewer pushes and candidates."""
+    """The settings with coarser scans, fewer pushes and shorter plans."""
     side_px = given.training.side_px * PIXELS // given.collection.scan_pixels
-    planner = replace(given.sculpting.planner, candidates=16, horizon=4, iterations=2)
+    planner = replace(given.sculpting.planner, horizon=4, iterations=2)
     return replace(
         given,
         collection=replace(given.collection, scan_pixels=PIXELS, pushes=PUSHES, repeated=0),

@@ -49,6 +49,8 @@ TEST_SEED, TEST_PUSHES = 31, 40
 FIT_SEED, FIT_GOALS = 99, ("letter:T", "letter:O")
 """Slab and goals on which the candidates are fitted to the time."""
 FIT_CANDIDATES = (8, 48)
+ROUNDS, ITERATIONS = 1, 2
+"""Of the planners that do not screen: rounds of variations, and iterations over the whole sequence."""
 ERRORS = ("error_3d_mm2", "visual_error", "value")
 
 
@@ -57,7 +59,9 @@ class Planner:
     """One way to plan."""
 
     model: Literal["network", "particles"]
-    refine: Literal["gradient", "cross_entropy", "none"]
+    refine: Literal["newton", "gradient", "cross_entropy", "none"]
+    screened: bool = False
+    """Whether it screens all places, as the project's planner does. The others vary their best candidates once."""
     samples: int = 2
     """Of each iteration of the cross-entropy method."""
     heights_only: bool = False
@@ -67,8 +71,10 @@ class Planner:
 OURS = "ours"
 NOTHING = "nothing"
 PLANNERS = {
-    OURS: Planner("network", "gradient"),
+    OURS: Planner("network", "newton", screened=True),
+    "screened": Planner("network", "none", screened=True),
     "greedy": Planner("network", "none"),
+    "gradient": Planner("network", "gradient"),
     "cross-entropy": Planner("network", "cross_entropy", samples=4),
     "particles, heights": Planner("particles", "none", heights_only=True),
     "particles, our objective": Planner("particles", "none"),
@@ -162,7 +168,8 @@ def _config(bench: Bench, planner: Planner, candidates: int) -> SculptorConfig:
     weights = replace(given.weights, visual=0.0) if planner.heights_only else given.weights
     return replace(
         given, weights=weights, disagreement_weight=0.0, candidates=candidates, refine=planner.refine,
-        samples=planner.samples,
+        iterations=ITERATIONS if planner.refine != "newton" else given.iterations, samples=planner.samples,
+        screened=given.screened if planner.screened else 0, rounds=given.rounds if planner.screened else ROUNDS,
     )  # fmt: skip
 
 

@@ -132,8 +132,8 @@ def _next(
     if not isinstance(objective, ChamferObjective):
         refine = "gradient"
     config = replace(
-        given.sculpting.planner, horizon=1, candidates=64, rounds=2, guided_share=0.5, refine=refine, iterations=10,
-        samples=8
+        given.sculpting.planner, horizon=1, screened=0, candidates=64, rounds=2, guided_share=0.5, refine=refine,
+        iterations=10, samples=8,
     )  # fmt: skip
     reach = reach_for(load_end_effector(tool), area_m, config.edge_m)
     actions = plan(

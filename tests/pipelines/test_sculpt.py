@@ -26,8 +26,8 @@ SCULPTING = {
     },
     "planner": {
         "weights": {"error_3d": 1.0, "visual": 2.0, "slope_scale_m": 0.0},
-        "disagreement_weight": 0.0, "count_unexplained": False, "horizon": 2, "candidates": 16,
-        "rounds": 1, "guided_share": 0.8, "refine": "gradient", "iterations": 1,
+        "disagreement_weight": 0.0, "count_unexplained": False, "horizon": 2, "screened": 6,
+        "candidates": 4, "rounds": 0, "guided_share": 0.8, "refine": "newton", "iterations": 1,
         "learning_rates": {"place_m": 0.002, "theta_rad": 0.15, "length_m": 0.003, "depth_m": 0.0006},
         "samples": 4, "elite_share": 0.5, "min_relative_gain": 0.001, "edge_m": 0.012, "seed": 0,
     },

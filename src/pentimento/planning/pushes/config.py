@@ -59,6 +59,11 @@ class Reach:
         kept[:, :2] = np.clip(kept[:, :2], low, high)
         return kept
 
+    def spread(self) -> FloatArray:
+        """[5] a scale for differences of actions: half a mark's width, π/8, a quarter of the other ranges."""
+        ranges = (np.pi / 8, np.ptp(self.length_m) / 4, np.ptp(self.depth_m) / 4)
+        return np.array([0.5 * self.width_m, 0.5 * self.width_m, *ranges])
+
 
 def ends(actions: FloatArray) -> FloatArray:
     """End points [K, 2] of pushes [K, 5], canvas frame."""
@@ -88,14 +93,17 @@ class SculptorConfig:
     """Weight of the ensemble's variance; see ``rollout.EnsembleRollout``."""
     horizon: int
     """Largest number of actions that are planned ahead."""
+    screened: int
+    """Candidates for each new action from ``screening.best_of_all_places``; 0 does without screening."""
     candidates: int
-    """Candidates tried for each new action."""
+    """Candidates for each new action that are drawn around the error or anywhere."""
     rounds: int
     """Rounds in which as many candidates again are tried, each round closer to the best of the last."""
     guided_share: float
-    """Share of the first candidates that end where there is too much material. The others are uniform."""
-    refine: Literal["gradient", "cross_entropy", "none"]
-    """How all actions are improved together after they were chosen one by one."""
+    """Share of the drawn candidates that end where there is too much material. The others are uniform."""
+    refine: Literal["newton", "gradient", "cross_entropy", "none"]
+    """How actions are improved: ``newton`` improves each one before the next is chosen, the others the whole sequence
+    at the end."""
     iterations: int
     """Iterations of ``refine``."""
     learning_rates: PushRates
@@ -118,6 +126,7 @@ class SculptorConfig:
             self,
             0,
             "disagreement_weight",
+            "screened",
             "rounds",
             "guided_share",
             "iterations",

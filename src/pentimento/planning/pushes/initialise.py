@@ -1,4 +1,4 @@
-"""Greedy search for the next action: the best of many candidates on the present clay (thesis 7.3.5)."""
+"""Greedy search for the next action: the best of many candidates on the present clay, refined (thesis 7.3.5)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pentimento.contracts.frames import pixel_to_canvas
-from pentimento.planning.pushes.config import (
-    DEPTH,
-    LENGTH,
-    THETA,
-    Reach,
-    SculptorConfig,
-)
+from pentimento.planning.pushes.config import DEPTH, LENGTH, THETA, Reach, SculptorConfig
+from pentimento.planning.pushes.refine import newton
 from pentimento.planning.pushes.rollout import EnsembleRollout
+from pentimento.planning.pushes.screening import best_of_all_places
 
 Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -34,7 +30,10 @@ def best_action(
 
     It may be worse than no action: compare with ``foresight.value(states_m)``.
     """
-    actions = candidates(states_m.mean(axis=0), foresight, reach, config, rng)
+    height_m = states_m.mean(axis=0)
+    actions = candidates(height_m, foresight, reach, config, rng)
+    if config.screened > 0:
+        actions = np.concatenate([best_of_all_places(height_m, foresight, reach, config.screened), actions])
     values = foresight.values_after(states_m, actions)
     for number in range(config.rounds):
         parents = actions[np.argsort(values, kind="stable")[:PARENTS]]
@@ -42,7 +41,10 @@ def best_action(
         actions = np.concatenate([actions, varied])
         values = np.concatenate([values, foresight.values_after(states_m, varied)])
     best = int(np.argmin(values))
-    return actions[best], float(values[best])
+    action, value = actions[best], float(values[best])
+    if config.refine == "newton":
+        return newton(action, value, states_m, foresight, reach=reach, iterations=config.iterations)
+    return action, value
 
 
 def candidates(
@@ -80,20 +82,9 @@ def candidates(
 
 
 def _varied(parents: FloatArray, count: int, share: float, reach: Reach, rng: np.random.Generator) -> FloatArray:
-    """Variations [count, 5] of the parents. A ``share`` of 1 has standard deviations of half a mark's width, π/8 and a
-    quarter of each range.
-    """
-    spread = np.array(
-        [
-            0.5 * reach.width_m,
-            0.5 * reach.width_m,
-            np.pi / 8,
-            (reach.length_m[1] - reach.length_m[0]) / 4,
-            (reach.depth_m[1] - reach.depth_m[0]) / 4,
-        ]
-    )
+    """Variations [count, 5] of the parents, with standard deviations of this share of ``Reach.spread``."""
     chosen = parents[np.arange(count) % len(parents)]
-    return reach.keep_within(chosen + share * spread * rng.normal(size=(count, 5)))
+    return reach.keep_within(chosen + share * reach.spread() * rng.normal(size=(count, 5)))
 
 
 def stratified_pixels(

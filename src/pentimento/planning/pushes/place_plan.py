@@ -34,6 +34,10 @@ _SHORTFALL = 0.5
 by more than it supplies."""
 _PEAKS = 0.3
 """Standard deviation of the logarithm of a candidate's peak, relative to the height that is lacking."""
+_CANDIDATES = 32
+"""Candidates for each pellet."""
+_ROUNDS = 1
+"""Rounds in which as many candidates again are tried around the best."""
 _VOLUME_STEP = 0.1
 """Adam's largest step of the logarithm of a volume."""
 _REFINING = 4
@@ -131,7 +135,7 @@ def plan_places(
     places = np.zeros((0, 3))
     height, value = height_m, float(foresight.objective.values(height_m))
     while len(places) < min(count, config.horizon):
-        found = _best(height, foresight, reach, config=config, rng=rng)
+        found = _best(height, foresight, reach, rng)
         if found is None:
             break
         lower = float(foresight.values_after(height, found[None])[0])
@@ -147,17 +151,15 @@ def plan_places(
     return PushPlan(places, after, foresight.objective.values(after) + np.array(costs))
 
 
-def _best(
-    height_m: Array, foresight: PlaceForesight, reach: PlaceReach, *, config: SculptorConfig, rng: np.random.Generator
-) -> FloatArray | None:
+def _best(height_m: Array, foresight: PlaceForesight, reach: PlaceReach, rng: np.random.Generator) -> FloatArray | None:
     """The pellet [3] of all candidates with the lowest value; None where the goal lies nowhere far enough above."""
-    places = place_candidates(height_m, foresight, reach, config.candidates, rng)
+    places = place_candidates(height_m, foresight, reach, _CANDIDATES, rng)
     if len(places) == 0:
         return None
     values = foresight.values_after(height_m, places)
-    for number in range(config.rounds):
+    for number in range(_ROUNDS):
         parents = places[np.argsort(values, kind="stable")[:PARENTS]]
-        varied = parents[np.arange(config.candidates) % len(parents)]
+        varied = parents[np.arange(_CANDIDATES) % len(parents)]
         spread_m = 0.5**number * 0.5 * foresight.model.radius_m(foresight.model.reference_m3)
         varied[:, :2] += spread_m * rng.normal(size=(len(varied), 2))
         varied[:, VOLUME] *= np.exp(0.5**number * _PEAKS * rng.normal(size=len(varied)))

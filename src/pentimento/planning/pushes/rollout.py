@@ -29,6 +29,9 @@ Pull = Callable[[Array], tuple[Array, FloatArray]]
 class PushModel(Protocol):
     """A model of one end-effector in one material. An ensemble is a sequence of them."""
 
+    def __hash__(self) -> int:
+        """By identity: what a model predicts is cached (``screening``), so it must not change."""
+
     @property
     def window_m(self) -> FloatArray:
         """[4] x_min, y_min, x_max, y_max of the height maps, canvas frame."""
@@ -129,9 +132,7 @@ class EnsembleRollout:
 
     def values_after(self, states_m: Array, actions: FloatArray) -> FloatArray:
         """The value [K] after each of K alternative actions [K, 5] on the members' clay [M, H, W]."""
-        after = np.stack(
-            [m.after(state, actions, self.memory) for m, state in zip(self.members, states_m, strict=True)]
-        )
+        after = self._after_each(states_m, actions)
         before, mean = states_m.mean(axis=0), after.mean(axis=0)
         values = self.objective.values_from(before, mean)
         if self._weighs_spread:
@@ -140,6 +141,10 @@ class EnsembleRollout:
         if self._cost is not None:
             values = values + self._cost.values_from(np.zeros_like(before), mean - before)
         return values + self.spent
+
+    def means_after(self, states_m: Array, actions: FloatArray) -> Array:
+        """Mean of the members' clay [K, H, W] after each of K alternative actions [K, 5] on their clay [M, H, W]."""
+        return np.asarray(self._after_each(states_m, actions).mean(axis=0))
 
     def value(self, states_m: Array) -> float:
         """The value of the members' clay [M, H, W]."""
@@ -151,8 +156,7 @@ class EnsembleRollout:
 
     def act(self, states_m: Array, action: FloatArray) -> Array:
         """The members' clay [M, H, W] after an action [5]."""
-        pairs = zip(self.members, states_m, strict=True)
-        return np.stack([member.after(state, action[None], self.memory)[0] for member, state in pairs])
+        return self._after_each(states_m, action[None])[:, 0]
 
     def step(self, states_m: Array, action: FloatArray) -> tuple[Array, EnsembleRollout]:
         """The members' clay [M, H, W] after an action [5], and the rollout from there."""
@@ -199,6 +203,11 @@ class EnsembleRollout:
             return 0.0, np.zeros_like(changes)
         costs = [self._cost(change) for change in changes]
         return sum(cost for cost, _ in costs), np.array([of for _, of in costs], np.float32).reshape(changes.shape)
+
+    def _after_each(self, states_m: Array, actions: FloatArray) -> Array:
+        """Each member's clay [M, K, H, W] after each of K alternative actions [K, 5]."""
+        pairs = zip(self.members, states_m, strict=True)
+        return np.stack([member.after(state, actions, self.memory) for member, state in pairs])
 
     def _with(self, memory: PushMemory, spent: float) -> EnsembleRollout:
         return EnsembleRollout(
