@@ -105,6 +105,7 @@ def main(arguments: argparse.Namespace) -> None:
     ]  # fmt: skip
     said = {
         "material": arguments.material, "actions": ACTIONS, "pixels": PIXELS, "predictions": predicted,
+        "screened": bench.given.sculpting.planner.screened,
         "test": {"seed": TEST_SEED, "pushes": TEST_PUSHES}, "fit_seed": FIT_SEED, "candidates": candidates,
         "epochs": {"network": bench.given.training.epochs, "particles": ParticleTraining().epochs},
         "runs": runs,
