@@ -93,8 +93,6 @@ class SculptorConfig:
     """Weight of the ensemble's variance; see ``rollout.EnsembleRollout``."""
     horizon: int
     """Largest number of actions that are planned ahead."""
-    screened: int
-    """Candidates for each new action from ``screening.best_of_all_places``; 0 does without screening."""
     candidates: int
     """Candidates for each new action that are drawn around the error or anywhere."""
     rounds: int
@@ -117,6 +115,8 @@ class SculptorConfig:
     edge_m: float
     """Distance that pushes keep from the area's edge."""
     seed: int
+    screened: int = 0
+    """Further candidates for each new action, from ``screening.best_of_all_places``; 0 does without screening."""
     count_unexplained: bool = False
     """Whether plans count what the push model leaves of each push, with the same weight as the ensemble's variance; see
     ``rollout.EnsembleRollout``."""
