@@ -104,8 +104,8 @@ goal = fit_goal(relief, before, fit).height_m
 # %%
 planner = SculptorConfig(
     weights=Weights(error_3d=1.0, visual=4.0), disagreement_weight=0.0, horizon=4, screened=12, candidates=8,
-    rounds=0, guided_share=0.8, refine="newton", iterations=2, learning_rates=PushRates(0.002, 0.15, 0.003, 0.0006), samples=4,
-    elite_share=0.5, min_relative_gain=0.001, edge_m=0.012, seed=0,
+    rounds=0, guided_share=0.8, refine="newton", iterations=2, learning_rates=PushRates(0.002, 0.15, 0.003, 0.0006),
+    samples=4, elite_share=0.5, min_relative_gain=0.001, edge_m=0.012, seed=0,
 )  # fmt: skip
 result = sculpt(
     robot, BALL, "foam", goal_m=goal, members=planned_members(model, window_m), grid=(PIXELS, PIXELS), config=planner,
