@@ -250,8 +250,7 @@ def _unseen(worlds: list[Parts]) -> str:
         "The conditioned model of the two other materials is fine-tuned on 20 pushes: first its context and last\n"
         "layer, then all parameters at a low learning rate. The baseline *best other* is the better of the two other\n"
         "materials' own models; the target is half its error. The last column is that ratio for the material's own\n"
-        "model, trained on all its training pushes: 20 pushes can hardly reach less. In two\n"
-        "other worlds, more steps or higher rates of the fine-tuning only raised its error.\n",
+        "model, trained on all its training pushes: 20 pushes can hardly reach less.\n",
         "| unseen | n | best other | conditioned, not fine-tuned | trained on 20 pushes only | fine-tuned on 20 | "
         "fine-tuned / best other | target | own model, all pushes | own / best other |",
         "|---|---|---|---|---|---|---|---|---|---|",

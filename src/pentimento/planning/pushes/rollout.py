@@ -31,6 +31,7 @@ class PushModel(Protocol):
 
     def __hash__(self) -> int:
         """By identity: what a model predicts is cached (``screening``), so it must not change."""
+        return object.__hash__(self)
 
     @property
     def window_m(self) -> FloatArray:
